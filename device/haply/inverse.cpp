@@ -17,7 +17,7 @@ constexpr double take_within = 0.003;    // s: send returns within 5 ms
 constexpr double quiet_after = 0.2;      // s without a state: status says so
 constexpr double send_zero_again_after = 0.2;  // s: long enough for a slow service to take one message
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
-constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
+constexpr double end_within = 0.25;     // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
 
 double norm(fs_vec3 v) { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
@@ -165,9 +165,11 @@ void Inverse::note_filters(const Arm& arm) {
 Inverse::~Inverse() {
   const double until = steady_now() + end_within;
   sent_at_ = 0;  // so that 0 is sent even if it was sent a moment ago
-  if (ask({}) == FS_ERROR_DISCONNECTED) return;
+  fs_status status = FS_OK;
+  do status = ask({});
+  while (status == FS_ERROR_TIMEOUT && steady_now() < until);  // the message before is still on its way
   std::string_view text;
-  await_answers(until, text);
+  if (status == FS_OK) await_answers(until, text);
 }
 
 void Inverse::get_info(fs_device_info& out) const {

@@ -82,7 +82,8 @@ inline void live_with(const std::vector<Trouble>& troubles, const std::string& u
     }
     open();
     if (!pushing) pushing.emplace(*device);
-    const bool is_well = until([&] { return norm(handle.force()) > 2; });
+    // Ready, too: a force may be left from before, where the connection was lost and the device has no watchdog.
+    const bool is_well = until([&] { return is_ready_to_push() && norm(handle.force()) > 2; });
     fs_answer answer{};
     fs_device_control(device->get(), "status", &answer);
     ck_assert_msg(is_well, "after %s: no force, %s", story.c_str(), answer.text);
