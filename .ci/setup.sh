@@ -99,3 +99,29 @@ make_environment() {
   fi
   touch "$environment/is_complete"
 }
+
+# prepare_python FOLDER PACKAGE...: makes an environment of Python with forceserver, what it takes to build that, and these packages.
+# PYTHON: another interpreter. FORCESERVER_WHEEL: of the Python package, where it has been made already.
+prepare_python() {
+  local folder=$1 python=${PYTHON:-python3} headers made_for
+  shift
+  need_packages g++ cmake ninja-build pkg-config libembree-dev libmuparser-dev libcli11-dev python3-venv python3-dev
+  headers=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
+  [ -e "$headers/Python.h" ] || { echo "$headers has no Python.h (Debian: python3-dev)" >&2; exit 1; }
+  made_for="$("$python" --version) $*"
+  if [ "$(cat "$folder/made_for" 2> /dev/null)" != "$made_for" ]; then
+    rm -rf "$folder"
+    "$python" -m venv "$folder"
+    "$folder/bin/pip" install -q "scikit-build-core>=1.0" "pybind11>=3" "$@"
+    echo "$made_for" > "$folder/made_for"
+  fi
+  if command -v ccache > /dev/null && [ -z "${CCACHE_DISABLE-}" ]; then
+    export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
+  fi
+  install_python=("$folder/bin/pip" install -q --no-build-isolation --no-deps --force-reinstall)
+  if [ -n "${FORCESERVER_WHEEL-}" ]; then
+    "${install_python[@]}" "$FORCESERVER_WHEEL"
+  else
+    "${install_python[@]}" -Cbuild-dir="$root/build/wheel" "$root/bindings/python"
+  fi
+}

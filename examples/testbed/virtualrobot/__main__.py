@@ -1,0 +1,86 @@
+"""python -m virtualrobot ENDPOINT [--mode drive|map|arm]: the rover as a client of a force-server, until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+from pathlib import Path
+
+import forceserver as fs
+
+from .ground import BadTerrain, terrain_file
+from .manipulator import Manipulator
+from .pace import Pace
+from .robot import Robot, period
+from .world import World
+
+
+def say(text: str) -> None:
+    print(f"rover: {text}", flush=True)
+
+
+def options(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="virtualrobot", description=__doc__)
+    parser.add_argument("endpoint", metavar="ENDPOINT", help="of the server, such as shm:lab")
+    parser.add_argument("--mode", choices=("drive", "map", "arm"), default="drive",
+                        help="what the hand is: a joystick; the place on the map where the rover shall go; the tip of the arm")  # fmt: skip
+    parser.add_argument("--name", default="rover", help="of the client (%(default)s)")
+    parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
+    return parser.parse_args(arguments)
+
+
+def where(world: World) -> str:
+    compass = (90 - math.degrees(world.heading)) % 360
+    x, y, _ = world.position
+    return f"at {x:.1f} m east, {y:.1f} m north, heading {compass:.0f} degrees"
+
+
+def tell_events(scene: fs.Scene) -> None:
+    for event in scene.events(0):
+        if event.kind == fs.EventKind.DISCONNECTED:
+            raise ConnectionError("the server has gone")
+        if event.kind == fs.EventKind.REFUSED:
+            say(f"the server does not take {event.name}: {event.text}")
+        if event.kind == fs.EventKind.DEVICE:
+            say(f"the device {event.name} is ready" if event.status == 0 else f"no force from the device {event.name}: {event.text}")
+
+
+def run(chosen: argparse.Namespace) -> None:
+    world = World(chosen.terrain)
+    with fs.connect(chosen.endpoint, chosen.name) as scene:
+        robot = Manipulator(scene, world) if chosen.mode == "arm" else Robot(scene, world, chosen.mode)
+        say(f"it stands {where(world)}; mode {chosen.mode}")
+        pace = Pace(period)
+        time = scene.time
+        try:
+            while True:
+                pace.wait()
+                now = scene.time
+                time = max(time + period, now - period)  # exactly one period later, unless this process was delayed for long
+                said = robot.frame(scene.hand(), time)
+                if said:
+                    say(said)
+                tell_events(scene)
+                if pace.frames % 100 == 0:
+                    say(where(world))
+        finally:
+            say(f"{pace}")
+
+
+def main() -> int:
+    chosen = options(sys.argv[1:])
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    try:
+        run(chosen)
+    except KeyboardInterrupt:
+        return 0
+    except (BadTerrain, fs.Error, ConnectionError) as failure:
+        print(f"virtualrobot: {failure}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,194 @@
+"""The rover as force-objects: the hand drives it, and feels what it does, 25 times a second.
+
+Each frame computes the next 0.04 s of the physics, then tells the server where the rover is now and how it moves to where it will
+be. So from one frame to the next nothing jumps, and the hand's wish is followed one frame later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import forceserver as fs
+import numpy as np
+
+from .ground import Array
+from .world import World
+
+period = 0.04  # s, of a frame
+fastest = 0.8  # m/s, of the rover
+tightest = 0.6  # 1/m, of a turn
+quickest = 1.0  # m/s^2, of its speed; 1/(m s), of its curvature
+
+stiffness, limit = 150.0, 3.0  # N/m and N, of the plane, at the hand
+joystick_scale = 20.0  # m of the scene in drive mode for a metre of the hand
+map_scale = 300.0  # the same in map mode: 60 m are 0.2 m of the hand
+free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, and from where it is at its fastest
+arrived = 0.4  # m, from the goal
+
+
+Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
+
+
+class Wish(NamedTuple):
+    """What the rover shall do."""
+
+    speed: float = 0.0  # m/s
+    curvature: float = 0.0  # 1/m, above 0 to the left
+
+
+class Trouble(NamedTuple):
+    """Why the rover cannot go on, and how far back it is put on its way."""
+
+    why: str
+    metres: float
+
+
+def wish_of_joystick(hand: Array, axes: Array) -> Wish:
+    """hand: of the joystick, m from its middle. Ahead is faster, and against the plane is a turn."""
+    ahead, left = float(hand @ axes[:, 0]), float(hand @ axes[:, 1])
+    speed = math.copysign(np.clip((abs(ahead) - free) / (full - free), 0, 1), ahead) * fastest
+    return Wish(speed, tightest * float(np.clip(left / (limit / stiffness), -1, 1)))
+
+
+def wish_of_goal(goal: Array, position: Array, axes: Array) -> Wish:
+    """Pure pursuit (Coulter 1992): along the circle through the goal. What is behind is reached by a turn first."""
+    ahead, left = (goal - position)[:2] @ axes[:2, :2]
+    distance = math.hypot(ahead, left)
+    if distance < arrived:
+        return Wish()
+    curvature = 2 * left / distance**2 if ahead > 0 else math.copysign(tightest, left)
+    return Wish(min(fastest, 0.2 + 0.5 * (distance - arrived)), float(np.clip(curvature, -tightest, tightest)))
+
+
+def orientation_of_plane(rover: Array) -> Array:
+    """Of the rover (w, x, y, z) to that of a plane whose normal is its axles: x ahead, y up, z to the right."""
+    w, x, y, z = rover * math.sqrt(0.5)
+    return np.array([w - x, w + x, y + z, z - y])
+
+
+def as_pose(place: Place) -> fs.Pose:
+    return fs.Pose(position=place[0], orientation=place[1])
+
+
+def twist_between(a: Place, b: Place) -> fs.Twist:
+    """From one place to another, a frame later."""
+    (w, *v), (sw, *sv) = a[1], b[1]
+    turn = w * np.array(sv) - sw * np.array(v) - np.cross(sv, v)  # of b * conjugate(a)
+    cosine = float(a[1] @ b[1])
+    sine = float(np.linalg.norm(turn))
+    angle = 2 * math.atan2(sine, abs(cosine))
+    rate = math.copysign(angle / sine, cosine) / period if sine > 0 else 0.0
+    return fs.Twist(linear=(b[0] - a[0]) / period, angular=rate * turn)
+
+
+class Robot:
+    """The rover in mode "drive" or "map", in its scene.
+
+    drive: the hand is a joystick. The middle of the scene is the rover, and its axes are the map's. What the hand feels is the
+    plane of its wheels: free ahead, back, up and down, drawn back from either side, until the rover has turned.
+    map: the hand is where the rover shall go, in the map. The plane goes through the rover.
+    """
+
+    def __init__(self, scene: fs.Scene, world: World, mode: str) -> None:
+        self.scene, self.world, self.mode = scene, world, mode
+        self.scale = joystick_scale if mode == "drive" else map_scale
+        self.wish = Wish()
+        self.strength = 1.0  # of the plane, 0 to 1
+        self.trouble: Trouble | None = None  # until the rover is put back
+        self.trail: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
+        self.waited = self.driven = 0.0  # s since it has last come on; m
+        self.moved_from = world.position
+        self.pose = self._pose()
+        scene.set_frame(fs.Frame(scale=self.scale))
+        with scene.change():
+            profile = self._profile()
+            scene["wheels"] = fs.Plane(pose=as_pose(self._place(self.pose)), front=profile, back=profile)
+            scene["pose"] = fs.Point(pose=as_pose(self.pose), enabled=False)
+
+    def _profile(self) -> fs.Profile:
+        part = max(self.strength, 1e-6)  # a limit is above 0
+        return fs.LinearIncreasing(part * stiffness / self.scale, limit=part * limit)
+
+    def _pose(self) -> Place:
+        return self.world.position, self.world.orientation
+
+    def _place(self, pose: Place) -> Place:
+        """Of the plane, in the scene."""
+        return (np.zeros(3) if self.mode == "drive" else pose[0]), orientation_of_plane(pose[1])
+
+    def frame(self, hand: fs.Hand, time: float) -> str | None:
+        """A frame that begins at `time` (s, on the scene's clock). Gives what is to be said."""
+        before = self.pose
+        self._go(self._wanted(hand.state) if self.trouble is None else Wish())
+        said = self._look()
+        self.pose = self._pose()
+        was_put = said is not None and self.trouble is None
+        self._show(self.pose if was_put else before, time)
+        return said
+
+    def _wanted(self, hand: fs.State) -> Wish:
+        if not hand.flags & fs.StateFlags.READY or hand.flags & fs.StateFlags.CLUTCHED:
+            return Wish()
+        position = np.asarray(hand.pose.position)
+        if self.mode == "drive":
+            return wish_of_joystick(position / self.scale, self.world.axes)
+        return wish_of_goal(position, self.world.position, self.world.axes)
+
+    def _go(self, wanted: Wish) -> None:
+        """Steers, and lets a frame of the physics go by. A rover that shall stand brakes at once, from any speed within 0.2 s."""
+        most = quickest * period
+        speed = self.wish.speed + float(np.clip(wanted.speed - self.wish.speed, -5 * most, most))
+        curvature = self.wish.curvature + float(np.clip(wanted.curvature - self.wish.curvature, -most, most))
+        self.wish = Wish(speed if wanted.speed else max(0.0, abs(self.wish.speed) - 5 * most) * np.sign(self.wish.speed), curvature)
+        self.world.steer(*self.wish)
+        self.world.step(round(period / self.world.model.opt.timestep))
+
+    def _look(self) -> str | None:
+        """Ends the force while the rover is in trouble, and puts it back. Gives what is to be said."""
+        if self.trouble is not None:
+            self.strength = max(0.0, self.strength - period / 0.5)
+            if self.strength > 0:
+                return None
+            place = self._back(self.trouble.metres)
+            self.world.put(*place)
+            self.trouble, self.wish, self.waited, self.moved_from = None, Wish(), 0.0, self.world.position
+            return f"it is put back to {place[0]:.1f} m east, {place[1]:.1f} m north"
+        self.strength = min(1.0, self.strength + period / 0.5)
+        self.trouble = self._new_trouble()
+        return None if self.trouble is None else self.trouble.why
+
+    def _new_trouble(self) -> Trouble | None:
+        x, y, _ = position = self.world.position
+        if self.world.axes[2, 2] < 0.3:
+            return Trouble("the rover has tipped over", 2.0)
+        if (np.abs(position[:2]) > self.world.ground.half - 1.0).any():
+            return Trouble("the rover is at the edge of the map", 3.0)
+        way = float(np.linalg.norm(position - self.moved_from))
+        self.waited = self.waited + period if abs(self.wish.speed) > 0.1 else 0.0
+        if way > 0.5:
+            self.driven += way
+            self.moved_from, self.waited = position, 0.0
+            if self.world.axes[2, 2] > 0.8:
+                self.trail.append((float(x), float(y), self.world.heading))
+        return Trouble("the rover is stuck", 3.0) if self.waited > 8.0 else None
+
+    def _back(self, metres: float) -> tuple[float, float, float]:
+        """The newest place of its way that is at least so far away; the middle of the map where there is none."""
+        here = self.world.position[:2]
+        while self.trail:
+            place = self.trail.pop()
+            if np.linalg.norm(here - place[:2]) >= metres:
+                return place
+        return 0.0, 0.0, 0.0
+
+    def _show(self, now: Place, time: float) -> None:
+        """Where the rover is at the beginning of the frame, and how it moves until its end."""
+        places = (self._place(now), self._place(self.pose))
+        plane = self.scene["wheels"]
+        with self.scene.change():
+            if self.strength < 1 or plane.front.limit < limit:
+                plane.change(front=self._profile(), back=self._profile())
+            self.scene.object_move("wheels", as_pose(places[0]), twist_between(*places), time)
+            self.scene.object_move("pose", as_pose(now), twist_between(now, self.pose), time)

@@ -1,0 +1,190 @@
+"""The rover in the modes drive and map."""
+
+from __future__ import annotations
+
+import math
+
+import forceserver as fs
+import numpy as np
+import pytest
+from rig import Rig, angle_between, hand_at
+from virtualrobot.ground import BadTerrain, read_heights, terrain_file, width
+from virtualrobot.robot import Robot, limit, map_scale, period, stiffness, twist_between
+from virtualrobot.world import World
+
+
+def plane_of(scene: fs.Scene, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the plane of the wheels is then, and its normal."""
+    motions = scene.get_motions(None)
+    (at,) = fs.motion_at(motions[motions["name"] == "wheels"], time)
+    w, x, y, z = at["orientation"]
+    return np.array(at["position"]), np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def to_right(world: World) -> np.ndarray:
+    return -world.axes[:, 1]
+
+
+def test_the_plane_is_across_the_axles(tmp_path):
+    path = [(0, 0, 0, 0), (1, 0.03, 0, 0), (5, 0.04, 0.01, 0), (10, 0.03, 0.03, 0), (15, -0.02, 0.03, 0), (20, 0, 0, 0)]
+    with Rig(tmp_path, path, "drive") as rig:
+        headings = []
+        for _ in rig.run(20):
+            position, normal = plane_of(rig.scene, rig.scene.time)
+            assert angle_between(normal, to_right(rig.world)) < 0.1
+            assert np.linalg.norm(position) == 0
+            headings.append(rig.world.heading)
+        assert np.ptp(np.unwrap(headings)) > 0.5 and rig.robot.driven > 3 and not rig.said
+
+
+def test_what_the_hand_feels(tmp_path):
+    """Nothing ahead or up, a spring to either side, 3 N at most; in the map around the rover."""
+    with Rig(tmp_path, [(0, 0, 0, 0)], "map") as rig:
+        for _ in rig.run(1):
+            pass
+        here, axes = rig.robot.pose[0], rig.world.axes
+        for way, expected in ((axes[:, 0], 0), (axes[:, 2], 0), (axes[:, 1], 1)):
+            for depth in (-0.04, -0.01, 0.005, 0.019, 0.03):  # m of the hand
+                (force,) = rig.scene.evaluate([here + depth * map_scale * way], time=rig.scene.time)
+                wanted = -math.copysign(min(stiffness * abs(depth), limit), depth) * expected
+                assert force @ way == pytest.approx(wanted, abs=2e-3)
+                assert np.linalg.norm(force - wanted * way) < 2e-3 + 1e-3 * abs(wanted)
+
+
+def test_ten_goals():
+    scene, world, random = fs.Scene(), World(), np.random.default_rng(2)
+    robot = Robot(scene, world, "map")
+    time = 0.0
+    for _ in range(10):
+        goal = [*(random.uniform(-0.8, 0.8, 2) * world.ground.half), 0]
+        begin = time
+        while np.linalg.norm(world.position[:2] - goal[:2]) > 0.5:
+            time += period
+            assert robot.frame(hand_at(goal), time) is None
+            assert time - begin < 120
+    assert robot.driven > 150
+
+
+def test_steps_of_force(tmp_path):
+    """From one tick to the next the force changes by what the hand's own way explains, and 0.02 N."""
+    path = [(0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, 0.02, 0), (8, 0.03, -0.02, 0), (12, -0.02, 0.01, 0)]
+    with Rig(tmp_path, path, "drive") as rig:
+        steps = []
+        for _ in rig.run(12):
+            felt = rig.felt()
+            steps.append(np.linalg.norm(np.diff(felt, axis=0), axis=1))
+        step = np.concatenate(steps)
+        print(f"steps of force per tick: p99.9 {np.quantile(step, 0.999):.4f} N, max {step.max():.4f} N")
+        assert step.max() < 0.05
+
+
+@pytest.mark.parametrize("flags", [0, fs.StateFlags.READY | fs.StateFlags.CLUTCHED])
+def test_without_a_hand_it_stops(flags):
+    world = World()
+    robot = Robot(fs.Scene(), world, "drive")
+    for k in range(100):
+        robot.frame(hand_at([1, 0, 0]), (k + 1) * period)
+    assert world.twist[0] @ world.axes[:, 0] > 0.6
+    for k in range(5):  # 0.2 s
+        robot.frame(hand_at([1, 0, 0], flags=flags), 4.04 + k * period)
+    assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
+
+
+def test_a_hand_that_jumps_turns_nothing_over():
+    world, random = World(), np.random.default_rng(5)
+    robot = Robot(fs.Scene(), world, "drive")
+    for k in range(500):
+        robot.frame(hand_at(random.uniform(-2, 2, 3)), (k + 1) * period)
+        assert world.axes[2, 2] > 0.6
+
+
+def in_trouble(robot: Robot, hand: list[float], patience: float) -> list[str]:
+    """What is said until the rover has been put back, and then has its full force again."""
+    said = []
+    for k in range(round(patience / period)):
+        strength = robot.strength
+        text = robot.frame(hand_at(hand), (k + 1) * period)
+        assert abs(robot.strength - strength) < 0.1
+        if text:
+            said.append(text)
+        if len(said) == 2 and robot.strength == 1:
+            return said
+    raise AssertionError(f"it is not put back: {said}")
+
+
+def test_on_its_back():
+    world = World()
+    robot = Robot(fs.Scene(), world, "map")
+    for k in range(300):
+        robot.frame(hand_at([8, 0, 0]), (k + 1) * period)
+    world.data.qpos[3:7] = [0, 1, 0, 0]
+    world.data.qpos[2] += 0.3
+    said = in_trouble(robot, [8, 0, 0], 5)
+    assert said[0] == "the rover has tipped over" and "put back" in said[1]
+    assert world.axes[2, 2] > 0.9 and robot.scene["wheels"].front.limit == limit
+
+
+def test_at_the_edge():
+    world = World()
+    world.put(width / 2 - 3, 0, 0)
+    robot = Robot(fs.Scene(), world, "map")
+    said = in_trouble(robot, [width, 0, 0], 30)
+    assert said[0] == "the rover is at the edge of the map" and abs(world.position[0]) < width / 2 - 1
+
+
+def test_in_a_pit():
+    world = World()
+    robot = Robot(fs.Scene(), world, "map")
+    world.model.geom("hull").contype = 1
+    world.data.qvel[:] = 0
+    for name in ("front left", "middle left", "rear left", "front right", "middle right", "rear right"):
+        world.model.actuator(f"drive {name}").forcerange[:] = [-1, 1]
+    said = in_trouble(robot, [20, 0, 0], 30)
+    assert said[0] == "the rover is stuck"
+
+
+def test_twist_between_leads_there():
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        a, b = ((random.normal(size=3), (q := random.normal(size=4)) / np.linalg.norm(q)) for _ in range(2))
+        b = (b[0], (c := a[1] + 0.1 * (b[1] - a[1])) / np.linalg.norm(c))
+        one = np.zeros(1, fs.Motion.dtype)
+        one["pose"] = (tuple(a[0]), tuple(a[1]))
+        twist = twist_between(a, (b[0], -b[1]))
+        one["twist"] = (tuple(twist.linear), tuple(twist.angular))
+        one["time"], one["horizon"] = 1, 0.1
+        (at,) = fs.motion_at(one, 1 + period)
+        assert np.allclose(at["position"], b[0])
+        q = np.array(at["orientation"])
+        assert min(np.abs(q - b[1]).max(), np.abs(q + b[1]).max()) < 1e-9
+
+
+def test_terrain_files(tmp_path):
+    heights, slenderness = read_heights(terrain_file)
+    assert heights.shape == (344, 403) and heights.min() == 0 and heights.max() == 1 and 1.0 < slenderness < 1.1
+    head = "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 0.001\nNODATA_value -9999\n"
+    for text, word in ((head + "1 2 3\n4 5", "5 heights"), (head + "1 2 3 4 -9999 6", "column 1, row 1"), ("ncols 3\n1 2 3", "nrows"),
+                       (head + "1 2 3 4 x 6", "could not convert"), (head + "1 2 3 4 nan 6", "not known"), ("", "no ")):  # fmt: skip
+        file = tmp_path / "short.asc"
+        file.write_text(text)
+        with pytest.raises(BadTerrain, match=word):
+            read_heights(file)
+    with pytest.raises(BadTerrain, match="No such file"):
+        read_heights(tmp_path / "none.asc")
+
+
+def test_heights_are_those_of_the_physics():
+    import mujoco
+
+    world, random = World(), np.random.default_rng(1)
+    geom = np.zeros(1, np.int32)
+    points, triangles = world.ground.mesh()
+    normals = np.cross(points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]])
+    assert (normals[:, 2] > 0).all()
+    seen = 0
+    for x, y in random.uniform(-1, 1, (300, 2)) * world.ground.half:
+        depth = mujoco.mj_ray(world.model, world.data, [x, y, 50], [0, 0, -1], None, 1, world.rover, geom)
+        if world.model.geom(geom[0]).name == "ground":
+            assert world.ground.height(x, y) == pytest.approx(50 - depth, abs=1e-6)
+            seen += 1
+    assert seen > 250

@@ -1,0 +1,97 @@
+"""The rover as a process beside a server."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import forceserver as fs
+import pytest
+
+testbed = Path(__file__).parents[3] / "examples" / "testbed"
+patience = 90  # s: nothing here is a measure of time, this only ends what would never come
+
+
+def eventually(f: Callable[[], object]) -> object:
+    """Waits until f() is true, and returns it."""
+    end = time.monotonic() + patience
+    while not (value := f()):
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.02)
+    return value
+
+
+@pytest.fixture
+def server() -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    name = f"rover-test-{os.getpid()}"
+    program = Path(sys.executable).with_name("forceserver")
+    process = subprocess.Popen([program, "run", "--listen", name, "--device", "sim:?hold=0.03,0.002,0"], text=True,
+                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+    yield f"shm:{name}?timeout=30", process
+    process.terminate()
+    process.communicate(timeout=patience)
+
+
+def start(endpoint: str, *more: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-B", "-m", "virtualrobot", endpoint, *more]
+    return subprocess.Popen(command, cwd=testbed, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def place(scene: fs.Scene) -> list[float] | None:
+    motions = scene.get_motions(None)
+    found = motions[motions["name"] == "rover/pose"]
+    return found[0]["pose"]["position"].tolist() if len(found) else None
+
+
+def test_it_drives_and_ends(server):
+    rover = start(server[0])
+    with fs.connect(server[0], "watcher") as scene:
+        begin = eventually(lambda: place(scene))
+        eventually(lambda: (now := place(scene)) and abs(now[0] - begin[0]) > 0.3)
+        assert any(row.name == "rover/wheels" and row.distance < 1 for row in scene.get_reports())
+        rover.send_signal(signal.SIGTERM)
+        output, _ = rover.communicate(timeout=patience)
+        assert rover.returncode == 0, output
+        assert "mode drive" in output and "frames, " in output
+        eventually(lambda: place(scene) is None)
+
+
+@pytest.mark.parametrize("mode", ["map", "arm"])
+def test_it_is_killed(server, mode):
+    rover = start(server[0], "--mode", mode)
+    with fs.connect(server[0], "watcher") as scene:
+        eventually(lambda: place(scene))
+        rover.kill()
+        rover.communicate(timeout=patience)
+        eventually(lambda: place(scene) is None)
+        again = start(server[0], "--mode", mode)
+        eventually(lambda: place(scene))
+        again.send_signal(signal.SIGINT)
+        assert again.wait(patience) == 0
+
+
+def test_the_server_is_killed(server):
+    rover = start(server[0])
+    with fs.connect(server[0], "watcher") as scene:
+        eventually(lambda: place(scene))
+    server[1].kill()
+    output, _ = rover.communicate(timeout=patience)
+    assert rover.returncode == 1 and "server" in output.splitlines()[-1], output
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["shm:nobody-is-there"], "nobody-is-there"),
+    (["shm:a", "--terrain", "none.asc"], "none.asc"),
+    (["shm:a", "--mode", "fly"], "invalid choice"),
+    ([], "ENDPOINT"),
+])  # fmt: skip
+def test_wrong_words(arguments, words):
+    rover = start(*arguments) if arguments else subprocess.Popen(
+        [sys.executable, "-B", "-m", "virtualrobot"], cwd=testbed, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+    output, _ = rover.communicate(timeout=patience)
+    assert rover.returncode in (1, 2) and words in output and "Traceback" not in output, output
