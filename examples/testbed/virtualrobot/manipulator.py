@@ -47,7 +47,8 @@ class Manipulator:
                 scene[name] = fs.Mesh(at_rock, triangles, contact=outside, pose=as_pose(self.places[name]))
             self.ground_law = self._ground_law()
             scene["ground"] = fs.Plane(back=self._profile(), pose=as_pose(self.places["ground"]))
-            scene["pose"] = fs.Point(enabled=False, pose=as_pose(self.places["pose"]))
+            for name in world.parts():
+                scene[name] = fs.Point(enabled=False, pose=as_pose(self.places[name]))
 
     def _profile(self) -> fs.Profile:
         return fs.LinearIncreasing(self.ground_law[0], limit=self.ground_law[1])
@@ -66,9 +67,9 @@ class Manipulator:
         return 1 / (1 / motors + 1 / contact), self.arm.most_along(normal)
 
     def _places(self) -> dict[str, Place]:
-        """Of all that moves, in the scene; of "pose", on the map."""
+        """Of all that moves, in the scene; of the rover's parts, on the map."""
         place, normal = self._below()
-        out: dict[str, Place] = {"ground": (place, across(normal)), "pose": (self.world.position, self.world.orientation)}
+        out: dict[str, Place] = {"ground": (place, across(normal))} | self.world.parts()
         back = self.world.orientation * [1, -1, -1, -1]
         for i in self.world.rocks:
             turned = product(back, self.world.orientation_of(i))

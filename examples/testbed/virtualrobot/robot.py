@@ -100,32 +100,31 @@ class Robot:
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
         self.waited = self.driven = 0.0  # s since it has last come on; m
         self.moved_from = world.position
-        self.pose = self._pose()
+        self.parts = world.parts()
         scene.set_frame(fs.Frame(scale=self.scale))
         with scene.change():
             profile = self._profile()
-            scene["wheels"] = fs.Plane(pose=as_pose(self._place(self.pose)), front=profile, back=profile)
-            scene["pose"] = fs.Point(pose=as_pose(self.pose), enabled=False)
+            scene["wheels"] = fs.Plane(pose=as_pose(self._plane(self.parts)), front=profile, back=profile)
+            for name, place in self.parts.items():
+                scene[name] = fs.Point(pose=as_pose(place), enabled=False)
 
     def _profile(self) -> fs.Profile:
         part = max(self.strength, 1e-6)  # a limit is above 0
         return fs.LinearIncreasing(part * stiffness / self.scale, limit=part * limit)
 
-    def _pose(self) -> Place:
-        return self.world.position, self.world.orientation
-
-    def _place(self, pose: Place) -> Place:
-        """Of the plane, in the scene."""
-        return (np.zeros(3) if self.mode == "drive" else pose[0]), orientation_of_plane(pose[1])
+    def _plane(self, parts: dict[str, Place]) -> Place:
+        """Of the wheels, in the scene."""
+        position, orientation = parts["pose"]
+        return (np.zeros(3) if self.mode == "drive" else position), orientation_of_plane(orientation)
 
     def frame(self, hand: fs.Hand, time: float) -> str | None:
         """A frame that begins at `time` (s, on the scene's clock). Gives what is to be said."""
-        before = self.pose
+        before = self.parts
         self._go(self._wanted(hand.state) if self.trouble is None else Wish())
         said = self._look()
-        self.pose = self._pose()
+        self.parts = self.world.parts()
         was_put = said is not None and self.trouble is None
-        self._show(self.pose if was_put else before, time)
+        self._show(self.parts if was_put else before, time)
         return said
 
     def _wanted(self, hand: fs.State) -> Wish:
@@ -183,12 +182,12 @@ class Robot:
                 return place
         return 0.0, 0.0, 0.0
 
-    def _show(self, now: Place, time: float) -> None:
-        """Where the rover is at the beginning of the frame, and how it moves until its end."""
-        places = (self._place(now), self._place(self.pose))
+    def _show(self, now: dict[str, Place], time: float) -> None:
+        """Where all is at the beginning of the frame, and how it moves until its end."""
         plane = self.scene["wheels"]
         with self.scene.change():
             if self.strength < 1 or plane.front.limit < limit:
                 plane.change(front=self._profile(), back=self._profile())
-            self.scene.object_move("wheels", as_pose(places[0]), twist_between(*places), time)
-            self.scene.object_move("pose", as_pose(now), twist_between(now, self.pose), time)
+            moves = {"wheels": (self._plane(now), self._plane(self.parts))} | {name: (now[name], self.parts[name]) for name in now}
+            for name, (begin, end) in moves.items():
+                self.scene.object_move(name, as_pose(begin), twist_between(begin, end), time)

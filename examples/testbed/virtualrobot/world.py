@@ -115,6 +115,14 @@ class World:
         mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, site, out, 0)
         return out[3:], out[:3]
 
+    def parts(self) -> dict[str, tuple[Array, Array]]:
+        """Where they are on the map, and how they stand: "pose" is the rover's, the others are the joints and the tip of the arm."""
+        out = {"pose": (self.position, self.orientation)}
+        for name, body in (("shoulder", "turret"), ("elbow", "forearm"), ("wrist", "scoop")):
+            out[name] = (np.array(self.data.body(body).xpos), np.array(self.data.body(body).xquat))
+        out["tip"] = (np.array(self.data.site("tip").xpos), out["wrist"][1])
+        return out
+
     @property
     def heading(self) -> float:
         return math.atan2(self.axes[1, 0], self.axes[0, 0])

@@ -42,7 +42,7 @@ def test_what_the_hand_feels(tmp_path):
     with Rig(tmp_path, [(0, 0, 0, 0)], "map") as rig:
         for _ in rig.run(1):
             pass
-        here, axes = rig.robot.pose[0], rig.world.axes
+        here, axes = rig.robot.parts["pose"][0], rig.world.axes
         for way, expected in ((axes[:, 0], 0), (axes[:, 2], 0), (axes[:, 1], 1)):
             for depth in (-0.04, -0.01, 0.005, 0.019, 0.03):  # m of the hand
                 (force,) = rig.scene.evaluate([here + depth * map_scale * way], time=rig.scene.time)
