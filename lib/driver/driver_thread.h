@@ -67,7 +67,9 @@ class DriverThread final : public Counted<DriverThread> {
   // Why the driver has failed, or the device does not come back. number: from 1 to troubles(). Only the newest are kept: for an older one
   // the newest is given.
   Trouble trouble(uint32_t number) const;
-  uint32_t troubles() const noexcept { return troubles_told_.load(std::memory_order_acquire); }  // [rt] how many; repeated ones count once
+  uint32_t troubles() const noexcept {
+    return troubles_told_.load(std::memory_order_acquire);
+  }  // [rt] how many; repeated ones count once
 
  private:
   struct State {
