@@ -1,0 +1,1 @@
+"""VIZ: a 3D viewer of the map, in which people draw hazardous areas that keep the hand away."""

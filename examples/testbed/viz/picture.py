@@ -1,0 +1,143 @@
+"""What VIZ shows: the ground, the rover and its arm, the hand, the force of each client, the hazards of all. x: east, y: north; m."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from virtualrobot.ground import Array, Ground
+
+size = [1000, 640]  # pixels
+metres_a_newton = 3.0
+hand_radius = 0.6  # m
+colours = ("#e41a1c", "#377eb8", "#ff7f00", "#984ea3", "#4daf4a", "#a65628", "#f781bf", "#00ced1")
+
+
+class NoPicture(Exception):
+    """There is neither a display nor another way to draw."""
+
+
+def transform(position: Array, orientation: Array) -> Array:
+    """Of a pose (m; w, x, y, z), shape (4, 4)."""
+    w, x, y, z = orientation
+    out = np.eye(4)
+    out[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                   [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                   [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]  # fmt: skip
+    out[:3, 3] = position
+    return out
+
+
+def along(vector: Array, at: Array, length: float) -> Array:
+    """The transform of pv.Arrow, which is along x and 1 long."""
+    z = vector / np.linalg.norm(vector)
+    aside = np.eye(3)[np.argmin(np.abs(z))]
+    y = np.cross(z, aside)
+    y /= np.linalg.norm(y)
+    out = np.eye(4)
+    out[:3, :3] = length * np.stack([z, y, np.cross(z, y)], axis=1)
+    out[:3, 3] = at
+    return out
+
+
+def model_of_rover() -> Any:
+    """Its middle is between the wheels."""
+    parts = [pv.Box((-0.45, 0.45, -0.3, 0.3, 0.23, 0.47))]
+    parts += [pv.Cylinder(center=(x, y, 0), direction=(0, 1, 0), radius=0.18, height=0.18) for x in (-0.6, 0, 0.6) for y in (-0.52, 0.52)]
+    return pv.merge([part.triangulate() for part in parts]).extract_surface(algorithm=None)
+
+
+class Picture:
+    def __init__(self, ground: Ground, *, off_screen: bool) -> None:
+        if not off_screen and not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
+            raise NoPicture("there is no display (DISPLAY is not set); --off-screen FILE draws into a file")
+        try:
+            self.plotter: Any = pv.Plotter(off_screen=off_screen, window_size=size, title="VIZ")
+        except Exception as failure:
+            raise NoPicture(f"neither a display nor EGL can be used (Debian: libegl1 libgl1-mesa-dri): {failure}") from None
+        window: Any = self.plotter.render_window
+        window.SetMultiSamples(0)  # without a graphics card antialiasing takes three times as long
+        points, triangles = ground.mesh()
+        self.ground = pv.PolyData.from_regular_faces(points, triangles.astype(int))
+        self.ground["height"] = points[:, 2]
+        self.ground.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True)
+        self.ground_actor = self.plotter.add_mesh(self.ground, scalars="height", cmap="copper", show_scalar_bar=False, name="ground")
+        # The rover is drawn twice as large as it is, so that it can be seen on the map.
+        self.rover = self.plotter.add_mesh(model_of_rover().scale(2.0), color="#f0e6c8", name="rover")
+        self.arm = self.plotter.add_mesh(pv.Line(), color="#d98c21", line_width=5, name="arm")
+        self.hand = self.plotter.add_mesh(pv.Sphere(radius=hand_radius), color="white", name="hand")
+        for one in (self.rover, self.arm, self.hand):
+            one.SetVisibility(False)
+        self.arrows: dict[str, Any] = {}
+        self.lines: dict[str, Any] = {}
+        self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
+        self.plotter.camera_position = [(0, -1.8 * ground.half[1], 1.9 * ground.half[1]), (0, -0.1 * ground.half[1], 0), (0, 0, 1)]
+        self.plotter.show(auto_close=False, interactive=False, interactive_update=not off_screen)
+
+    def show_rover(self, place: tuple[Array, Array] | None) -> None:
+        self.rover.SetVisibility(place is not None)
+        if place is not None:
+            self.rover.user_matrix = transform(*place)
+
+    def show_arm(self, points: Array) -> None:
+        """From the shoulder to the tip; none: there is no arm."""
+        self.arm.SetVisibility(len(points) > 1)
+        if len(points) > 1:
+            self.arm.mapper.SetInputData(pv.lines_from_points(points))
+
+    def show_hand(self, place: Array | None) -> None:
+        self.hand.SetVisibility(place is not None)
+        if place is not None:
+            self.hand.position = place
+
+    def show_forces(self, at: Array | None, forces: dict[str, Array]) -> None:
+        """An arrow for each client, at the hand; N at the device."""
+        for name, force in forces.items():
+            newtons = float(np.linalg.norm(force))
+            if name not in self.arrows:
+                colour = colours[len(self.arrows) % len(colours)]
+                arrow = pv.Arrow(tip_length=0.25, tip_radius=0.06, shaft_radius=0.025)
+                self.arrows[name] = self.plotter.add_mesh(arrow, color=colour, name=f"force {name}", render=False)
+            self.arrows[name].SetVisibility(at is not None and newtons > 0.02)
+            if at is not None and newtons > 0.02:
+                self.arrows[name].user_matrix = along(force, at, metres_a_newton * newtons)
+        for name in self.arrows.keys() - forces.keys():
+            self.arrows[name].SetVisibility(False)
+
+    def show_line(self, name: str, points: Array | None, colour: str) -> None:
+        """A closed line; None takes it away."""
+        if points is None:
+            if self.lines.pop(name, None) is not None:
+                self.plotter.remove_actor(f"line {name}", render=False)
+            return
+        raised = np.concatenate([points, points[:1]]) + [0, 0, 0.05]
+        self.lines[name] = self.plotter.add_mesh(pv.lines_from_points(raised), color=colour, line_width=4, name=f"line {name}", render=False)
+
+    def show_words(self, text: str) -> None:
+        self.words.SetText(2, text)
+
+    def go_on(self) -> None:
+        """Draws, and takes what the person does."""
+        self.plotter.update(1, force_redraw=True)
+
+    @property
+    def is_closed(self) -> bool:
+        """By q, or with its window."""
+        return bool(self.plotter.iren.interactor.GetDone())
+
+    def colours_seen(self) -> int:
+        self.plotter.render()
+        image = self.plotter.screenshot(return_img=True)
+        return len(np.unique(image.reshape(-1, 3), axis=0))
+
+    def save(self, path: str) -> None:
+        """As a PNG file, which is whole at any time."""
+        self.plotter.render()
+        fresh = f"{path}.new.png"
+        self.plotter.screenshot(fresh)
+        os.replace(fresh, path)
+
+    def close(self) -> None:
+        self.plotter.close()

@@ -1,0 +1,321 @@
+"""VIZ: hazards that are drawn, felt and seen; its processes; a picture without a display."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import forceserver as fs
+import numpy as np
+import pytest
+
+testbed = Path(__file__).parents[3] / "examples" / "testbed"
+sys.path.insert(0, str(testbed))
+
+from virtualrobot.ground import Ground, width  # noqa: E402
+from virtualrobot.robot import map_scale, period  # noqa: E402
+from viz.app import Viz  # noqa: E402
+from viz.drawing import Drawing  # noqa: E402
+from viz.hazards import BadBorder, Hazards, drape, width_of  # noqa: E402
+from viz.picture import Picture  # noqa: E402
+
+patience = 90  # s: nothing here is a measure of time, this only ends what would never come
+border = [(-10, -8), (-2, -12), (6, -9), (9, -1), (5, 6), (-4, 7), (-11, 1)]  # m: seven nodes
+numbers = itertools.count(1)
+
+
+def eventually(f: Callable[[], object]) -> object:
+    """Waits until f() is true, and returns it."""
+    end = time.monotonic() + patience
+    while not (value := f()):
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.02)
+    return value
+
+
+@pytest.fixture(scope="module")
+def ground() -> Ground:
+    return Ground()
+
+
+@pytest.fixture
+def lab() -> Iterator[str]:
+    """A server in this process, with a hand that rests."""
+    endpoint = f"shm:viz-test-{os.getpid()}-{next(numbers)}"
+    with fs.Scene() as base, fs.Servo(base, "sim:?hold=0,0,0.01") as servo, fs.Server(servo, endpoint):
+        yield endpoint
+
+
+def expect_border(scene: fs.Scene, name: str, ground: Ground) -> None:
+    """One closed line on the ground, which keeps the hand away."""
+    its = scene.object_get(name)
+    assert its.primitive == fs.Primitive.POLYLINE and its.shape.get_info().closed
+    points = np.asarray(its.shape.get_points())
+    assert np.abs([z - ground.height(x, y) for x, y, z in points]).max() < 1e-3
+    apart = np.linalg.norm(np.diff(points[:, :2], axis=0, append=points[:1, :2]), axis=1)
+    assert apart.max() <= 0.01 * width + 1e-9
+    assert its.front.sense == fs.Sense.REPULSIVE and its.front.limit == 3
+
+
+# ------------------------------------------------------------------------------------------------------------- hazards
+
+
+def test_a_border_is_draped(ground):
+    line = drape(ground, np.array(border))
+    assert len(line) > 80
+    for node in border:
+        assert np.linalg.norm(line[:, :2] - node, axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize(("nodes", "words"), [
+    ([(0, 0), (5, 5)], "three nodes"),
+    ([(0, 0), (5, 5), (5, 5), (0, 0)], "three nodes"),
+    ([(0, 0), (5, 5), (5, 0), (0, 5)], "crosses itself"),
+    ([(0, 0), (5, 5), (40, 0)], "off the map"),
+    ([(0, 0), (5, 5), (np.nan, 0)], "nowhere"),
+])  # fmt: skip
+def test_what_is_no_border(ground, nodes, words):
+    with fs.Scene() as scene:
+        hazards = Hazards(scene, ground)
+        hazards.put("hazard 1", np.array(border))
+        with pytest.raises(BadBorder, match=words):
+            hazards.put("hazard 1", np.array(nodes))
+        expect_border(scene, "hazard 1", ground)
+
+
+def test_a_hazard_pushes_away_without_a_jump(ground):
+    with fs.Scene() as scene:
+        hazards = Hazards(scene, ground)
+        hazards.width = 4.0
+        hazards.put("hazard 1", np.array(border))
+        # Across the edge from the first to the second node, at its middle.
+        a, b = np.array(border[0], float), np.array(border[1], float)
+        across = np.array([(b - a)[1], -(b - a)[0]]) / np.linalg.norm(b - a)
+        places = (a + b) / 2 + np.outer(np.linspace(-6, 6, 2401), across)
+        force = scene.evaluate([[x, y, ground.height(x, y)] for x, y in places])
+        size = np.linalg.norm(force, axis=1)
+        assert 2.5 < size.max() <= 3 and size[0] == 0 and size[-1] == 0
+        assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() < 0.2  # from 5 mm to 5 mm on the map
+        hazards.change("hazard 1", 2.0, 1.0)
+        assert width_of(scene["hazard 1"].front) == pytest.approx(2.0) and scene["hazard 1"].front.limit == 1
+        assert hazards.new_name() == "hazard 2"
+
+
+# ------------------------------------------------------------------------------------------------------------- drawing
+
+
+class Mouse:
+    def __init__(self, picture: Picture) -> None:
+        self.picture, self.interactor = picture, picture.plotter.iren.interactor
+
+    def place(self, x: float, y: float, z: float) -> tuple[int, int]:
+        """Where it is in the picture, in pixels."""
+        renderer = self.picture.plotter.renderer
+        renderer.SetWorldPoint(x, y, z, 1)
+        renderer.WorldToDisplay()
+        return tuple(round(v) for v in renderer.GetDisplayPoint()[:2])
+
+    def move(self, at: tuple[int, int]) -> None:
+        self.interactor.SetEventInformation(*at, 0, 0, "\0", 0, None)
+        self.interactor.MouseMoveEvent()
+
+    def click(self, at: tuple[int, int]) -> None:
+        self.move(at)
+        self.interactor.LeftButtonPressEvent()
+        self.interactor.LeftButtonReleaseEvent()
+
+
+@pytest.fixture(scope="module")
+def picture(ground) -> Iterator[Picture]:
+    one = Picture(ground, off_screen=True)
+    one.plotter.iren.interactor.Initialize()
+    yield one
+    one.close()
+
+
+def draw(mouse: Mouse, ground: Ground, nodes: list[tuple[float, float]]) -> None:
+    places = [mouse.place(x, y, ground.height(x, y)) for x, y in nodes]
+    for at in [*places, places[0]]:
+        mouse.click(at)
+
+
+def test_drawn_with_the_mouse_seen_and_felt(lab, ground, picture):
+    mouse = Mouse(picture)
+    with fs.connect(lab, "viz") as scene, fs.connect(lab, "other") as other:
+        viz = Viz(scene, scene, ground)
+        drawing = Drawing(picture, viz.draw_hazard)
+        drawing.begin()
+        draw(mouse, ground, border)
+        assert viz.hazards.names() == ["hazard 1"] and drawing.pen is None
+        scene.sync(10)
+        expect_border(other, "viz/hazard 1", ground)
+        nodes = drawing.nodes(next(iter(drawing.widgets)))
+        assert np.linalg.norm(nodes[:, :2] - border, axis=1).max() < 0.2  # a pixel is 0.1 m
+
+        # The hand is felt where the border is: VIZ evaluates what it has, at the place of the hand.
+        x, y, z = nodes[0] + [-1.0, 0, 0]
+        assert np.linalg.norm(scene.evaluate([[x, y, z]], name="hazard 1")) > 0.5
+
+        # A second one that crosses itself is dropped, the first stays.
+        drawing.begin()
+        draw(mouse, ground, [(12, 12), (18, 18), (18, 12), (12, 18)])
+        assert viz.hazards.names() == ["hazard 1"] and drawing.pen is None and len(drawing.widgets) == 1
+
+        # A node is moved, another taken away.
+        before = np.asarray(scene["hazard 1"].shape.get_points())
+        begin, end = (mouse.place(*place) for place in (nodes[3], nodes[3] + [4, 0, 0]))
+        mouse.move(begin)
+        mouse.interactor.LeftButtonPressEvent()
+        for part in np.linspace(0, 1, 5):
+            mouse.move(tuple(round(a + part * (b - a)) for a, b in zip(begin, end, strict=True)))
+        mouse.interactor.LeftButtonReleaseEvent()
+        after = np.asarray(scene["hazard 1"].shape.get_points())
+        assert after[:, 0].max() > before[:, 0].max() + 2
+        expect_border(scene, "hazard 1", ground)
+
+        viz.show(picture)
+        assert picture.colours_seen() > 1000
+        viz.hazards.remove("hazard 1")
+        drawing.take_away("hazard 1")
+        assert not drawing.widgets
+        viz.show(picture)
+        assert not picture.lines
+        viz.close()
+
+
+def test_the_ground_is_felt_from_below_only(ground):
+    with fs.Scene() as scene:
+        viz = Viz(scene, scene, ground)
+        here = np.array([3.0, 4.0, ground.height(3, 4)])
+        above, below = scene.evaluate([here + [0, 0, 1], here - [0, 0, 1]], name="ground")
+        assert np.linalg.norm(above) == 0 and below[2] > 0.5
+        viz.close()
+
+
+def test_it_follows_a_rover(lab, ground):
+    with fs.connect(lab, "rover") as rover, fs.connect(lab, "viz") as scene:
+        viz = Viz(scene, scene, ground)
+        viz.follow = "rover"
+        assert not viz.follow_once()
+        rover["pose"] = fs.Point(position=(5, -3, 1), enabled=False)
+        eventually(viz.follow_once)
+        viz.draw_hazard(None, np.array(border))
+        rover.object_move("pose", fs.Pose(position=(6, -3, 1)), fs.Twist(linear=(0.5, 0, 0)), 0)
+        rover.sync(10)
+        eventually(lambda: viz.follow_once() and viz.middle[0] == 6)
+        for name in ("ground", "hazard 1"):
+            assert np.allclose(scene[name].pose.position, (-6, 3, -1)) and np.allclose(scene[name].twist.linear, (-0.5, 0, 0))
+        viz.close()
+
+
+# ----------------------------------------------------------------------------------------------------------- processes
+
+
+def start(*arguments: str, display: str = "") -> subprocess.Popen[str]:
+    environment = {**os.environ, "DISPLAY": display, "WAYLAND_DISPLAY": ""}
+    return subprocess.Popen([sys.executable, "-B", "-m", "viz", *arguments], cwd=testbed, text=True, env=environment,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+
+
+def names(scene: fs.Scene) -> list[str]:
+    return [str(name) for name in scene.get_motions(None)["name"]]
+
+
+def test_embedded_with_others(tmp_path, ground):
+    """The device is in VIZ's process; another client sees its ground, and it sees the client's border."""
+    endpoint = f"shm:viz-embedded-{os.getpid()}"
+    hazards, image = tmp_path / "hazards.json", tmp_path / "viz.png"
+    with fs.Scene() as file:
+        Hazards(file, ground).put("hazard 1", np.array(border))
+        file.save(str(hazards))
+    viz = start("--embed", "--device", "sim:", "--listen", endpoint, "--off-screen", str(image), "--hazards", str(hazards))
+    with fs.connect(f"{endpoint}?timeout={patience}", "other") as scene:
+        eventually(lambda: {"server/ground", "server/hazard 1"} <= set(names(scene)))
+        expect_border(scene, "server/hazard 1", ground)
+        scene.set_frame(fs.Frame(scale=map_scale))
+        eventually(image.exists)
+        hazards.unlink()
+        viz.send_signal(signal.SIGTERM)
+        output, _ = viz.communicate(timeout=patience)
+        assert viz.returncode == 0, output
+    with fs.Scene() as file:
+        file.load(str(hazards))
+        assert list(file) == ["hazard 1"]
+        expect_border(file, "hazard 1", ground)
+
+
+def test_two_and_one_is_killed(lab, tmp_path):
+    one = start(lab, "--off-screen", str(tmp_path / "one.png"))
+    with fs.connect(lab, "other") as scene:
+        eventually(lambda: "viz/ground" in names(scene))
+        two = start(lab, "--off-screen", str(tmp_path / "two.png"))
+        output, _ = two.communicate(timeout=patience)
+        assert two.returncode == 1 and "Traceback" not in output and "viz" in output.splitlines()[-1], output
+        one.kill()
+        one.communicate(timeout=patience)
+        eventually(lambda: "viz/ground" not in names(scene))
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ((), "either ENDPOINT or --embed"),
+    (("shm:a", "--embed"), "either ENDPOINT or --embed"),
+    (("--embed",), "--device"),
+    (("shm:a", "--device", "sim:"), "for --embed"),
+    (("shm:a", "--terrain", "none.asc"), "none.asc"),
+    (("shm:a",), "no display"),
+    (("shm:nobody-is-there", "--off-screen", "/tmp/none.png"), "nobody-is-there"),
+])  # fmt: skip
+def test_wrong_words(arguments, words):
+    viz = start(*arguments)
+    output, _ = viz.communicate(timeout=patience)
+    assert viz.returncode in (1, 2) and words in output and "Traceback" not in output, output
+
+
+@pytest.mark.skipif(not (shutil.which("Xvfb") and shutil.which("xdotool")), reason="there is no Xvfb or no xdotool")
+def test_with_a_real_mouse(lab, ground):
+    """On a display: d, seven clicks and the first place again; another client sees the border. x removes it, q ends."""
+    number = 90 + os.getpid() % 900
+    screen = subprocess.Popen(["Xvfb", f":{number}", "-screen", "0", "1100x700x24"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        eventually(lambda: Path(f"/tmp/.X11-unix/X{number}").exists())
+        viz = start(lab, display=f":{number}")
+
+        def mouse(*words: str) -> str:
+            return subprocess.run(["xdotool", *words], env={**os.environ, "DISPLAY": f":{number}"}, text=True, check=True,
+                                  capture_output=True).stdout.strip()  # fmt: skip
+
+        with fs.connect(lab, "other") as scene:
+            eventually(lambda: "viz/ground" in names(scene))
+            window = eventually(lambda: subprocess.run(["xdotool", "search", "--name", "VIZ"], env={**os.environ, "DISPLAY": f":{number}"},
+                                                       text=True, capture_output=True).stdout.split())[-1]  # fmt: skip
+            time.sleep(2)
+            middle = [(560, 260), (640, 280), (660, 350), (600, 420), (500, 430), (430, 380), (460, 300)]
+            mouse("windowfocus", window)
+            for pause in (0.5, 2, 5, 10):  # s, in which VIZ takes a move or a click, however busy the machine is
+                mouse("mousemove", "--window", window, "500", "500")
+                mouse("key", "--window", window, "Escape")
+                time.sleep(pause)
+                mouse("key", "--window", window, "d")
+                for x, y in [*middle, middle[0]]:
+                    mouse("mousemove", "--window", window, str(x), str(y))
+                    time.sleep(pause)
+                    mouse("click", "1")
+                    time.sleep(pause)
+                if "viz/hazard 1" in names(scene):
+                    break
+            expect_border(scene, "viz/hazard 1", ground)
+            mouse("key", "--window", window, "x")
+            eventually(lambda: "viz/hazard 1" not in names(scene))
+            mouse("key", "--window", window, "q")
+            output, _ = viz.communicate(timeout=patience)
+        assert viz.returncode == 0 and "hazard 1 has 7 nodes" in output, output
+    finally:
+        screen.terminate()
+        screen.wait(patience)
