@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import signal
 import sys
@@ -11,9 +12,9 @@ from pathlib import Path
 import forceserver as fs
 
 from .ground import BadTerrain, terrain_file
-from .manipulator import Manipulator
 from .pace import Pace
-from .robot import Robot, period
+from .recording import Recorder, make_robot
+from .robot import period
 from .world import World
 
 
@@ -27,6 +28,7 @@ def options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--mode", choices=("drive", "map", "arm"), default="drive",
                         help="what the hand is: a joystick; the place on the map where the rover shall go; the tip of the arm")  # fmt: skip
     parser.add_argument("--name", default="rover", help="of the client (%(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="writes what the hand and the rover do (recording.py)")
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
     return parser.parse_args(arguments)
 
@@ -49,8 +51,11 @@ def tell_events(scene: fs.Scene) -> None:
 
 def run(chosen: argparse.Namespace) -> None:
     world = World(chosen.terrain)
-    with fs.connect(chosen.endpoint, chosen.name) as scene:
-        robot = Manipulator(scene, world) if chosen.mode == "arm" else Robot(scene, world, chosen.mode)
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(chosen.record.open("w")) if chosen.record else None
+        scene = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
+        robot = make_robot(scene, world, chosen.mode)
+        recorder = Recorder(file, chosen.mode, chosen.terrain) if file else None
         say(f"it stands {where(world)}; mode {chosen.mode}")
         pace = Pace(period)
         time = scene.time
@@ -59,7 +64,10 @@ def run(chosen: argparse.Namespace) -> None:
                 pace.wait()
                 now = scene.time
                 time = max(time + period, now - period)  # exactly one period later, unless this process was delayed for long
-                said = robot.frame(scene.hand(), time)
+                hand = scene.hand()
+                said = robot.frame(hand, time)
+                if recorder:
+                    recorder.add(hand, time, world)
                 if said:
                     say(said)
                 tell_events(scene)
@@ -76,7 +84,7 @@ def main() -> int:
         run(chosen)
     except KeyboardInterrupt:
         return 0
-    except (BadTerrain, fs.Error, ConnectionError) as failure:
+    except (BadTerrain, fs.Error, OSError) as failure:
         print(f"virtualrobot: {failure}", file=sys.stderr)
         return 1
     return 0

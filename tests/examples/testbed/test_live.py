@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -59,6 +61,32 @@ def test_it_drives_and_ends(server):
         assert rover.returncode == 0, output
         assert "mode drive" in output and "frames, " in output
         eventually(lambda: place(scene) is None)
+
+
+@pytest.mark.parametrize("mode", ["drive", "arm"])
+def test_a_recording_is_replayed_bit_for_bit(server, mode, tmp_path):
+    file = tmp_path / "recording.jsonl"
+    rover = start(server[0], "--mode", mode, "--record", str(file))
+    eventually(lambda: file.exists() and len(file.read_text().splitlines()) > 60)
+    rover.send_signal(signal.SIGTERM)
+    rover.communicate(timeout=patience)
+
+    def replayed() -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-B", "-m", "virtualrobot.recording", str(file)]
+        return subprocess.run(command, cwd=testbed, text=True, capture_output=True)
+
+    one = replayed()
+    assert one.returncode == 0 and "all with the same bits" in one.stdout, one
+    # Another hand in the middle gives another way from there on.
+    lines = file.read_text().splitlines()
+    frame = json.loads(lines[30])
+    frame["hand"][0] += 0.3
+    frame["proxy"][0] += 0.3
+    file.write_text("\n".join([*lines[:30], json.dumps(frame), *lines[31:]]))
+    other = replayed()
+    assert other.returncode == 1 and re.fullmatch(r"frame (29|3\d) differs\n", other.stdout), other
+    file.write_text("nothing")
+    assert "this is no recording" in replayed().stderr
 
 
 @pytest.mark.parametrize("mode", ["map", "arm"])
