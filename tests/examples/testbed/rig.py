@@ -26,14 +26,14 @@ def hand_at(position, *, flags: int = fs.StateFlags.READY) -> fs.Hand:
 class Rig:
     """A simulated hand on a path (t, x, y, z: s, m at the device), and what it feels of the robot."""
 
-    def __init__(self, folder: Path, path: list[tuple[float, float, float, float]], mode: str, *, hand: str = "firm") -> None:
+    def __init__(self, folder: Path, path: list[tuple[float, float, float, float]], mode: str, *, hand: str = "firm", blend: float = 0) -> None:
         file = folder / "path.txt"
         file.write_text("".join(f"{t} {x} {y} {z}\n" for t, x, y, z in path))
         self.world = World()
         self.scene = fs.Scene()
         self.robot = Manipulator(self.scene, self.world) if mode == "arm" else Robot(self.scene, self.world, mode)
         self.device = fs.Device(f"sim:?hand={hand}&friction=0&encoder=ideal&path={file}")
-        self.servo = fs.Servo(self.scene, self.device, mode="virtual")
+        self.servo = fs.Servo(self.scene, self.device, mode="virtual", blend=blend)
         self.servo.step(1)
         self.said: list[str] = []
         self._last = 0

@@ -78,6 +78,17 @@ def test_steps_of_force(tmp_path):
         assert step.max() < 0.05
 
 
+def test_two_runs_have_the_same_bits(tmp_path):
+    """Hand, servo and physics in one process, in virtual time."""
+
+    def run() -> tuple[bytes, bytes]:
+        with Rig(tmp_path, [(0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, -0.02, 0)], "drive") as rig:
+            felt = [rig.felt().tobytes() for _ in rig.run(4)]
+            return b"".join(felt), rig.world.data.qpos.tobytes()
+
+    assert run() == run()
+
+
 @pytest.mark.parametrize("flags", [0, fs.StateFlags.READY | fs.StateFlags.CLUTCHED])
 def test_without_a_hand_it_stops(flags):
     world = World()
