@@ -6,7 +6,7 @@ import time
 
 
 class Pace:
-    """Waits for the next frame. A frame that comes late by more than a period is counted, and those that it has missed are left out."""
+    """Waits for the next frame. A frame that comes late by more than a period is counted; those that it has missed are left out."""
 
     def __init__(self, period: float) -> None:
         self.period = period  # s
@@ -28,4 +28,5 @@ class Pace:
         self._next += (missed + 1) * self.period
 
     def __str__(self) -> str:
-        return f"{self.frames} frames, {self.late} late by more than {1e3 * self.period:.0f} ms (at most {1e3 * self.latest:.0f} ms), {self.left_out} left out"
+        late = f"{self.late} late by more than {1e3 * self.period:.0f} ms (at most {1e3 * self.latest:.0f} ms)"
+        return f"{self.frames} frames, {late}, {self.left_out} left out"

@@ -63,7 +63,7 @@ class World:
     # ----------------------------------------------------------------------------------------------------------- rover
 
     def put(self, x: float, y: float, heading: float) -> None:
-        """The rover stands there at rest, its arm folded; it is let down from a little above the ground. heading: 0 east, pi/2 north."""
+        """The rover stands there at rest, its arm folded; it is let down from a little above. heading: 0 east, pi/2 north."""
         time, up = self.data.time, self.ground.normal(x, y, 0.6)
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("folded").id)
         ahead = np.array([math.cos(heading), math.sin(heading), 0])

@@ -1,5 +1,5 @@
-"""python -m viz ENDPOINT | --embed --device URI [--listen ENDPOINT]: the map, and the hazards that are drawn on it, until the window is
-closed or Ctrl-C.
+"""python -m viz ENDPOINT | --embed --device URI [--listen ENDPOINT]: the map, and the hazards that are drawn on it, until the
+window is closed or Ctrl-C.
 
 d: draw a hazard; click its nodes, and the first again to close it. Nodes can be moved afterwards; Delete takes away the one below the
 mouse. Escape: drop what is being drawn. x: remove the newest hazard. q: end.
@@ -29,7 +29,10 @@ def options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--embed", action="store_true", help="scene, servo and device in this process, instead of a server")
     parser.add_argument("--device", metavar="URI", help="of the embedded servo")
     parser.add_argument("--listen", metavar="ENDPOINT", help="lets other clients into the embedded servo")
-    parser.add_argument("--follow", metavar="CLIENT", help='keeps the point "pose" of this client in the middle, as a rover in mode drive does')
+    parser.add_argument("--follow", metavar="CLIENT",
+                        help='keeps the point "pose" of this client in the middle, as a rover in mode drive does')  # fmt: skip
+    parser.add_argument("--see-ground", action="store_true",
+                        help="the ground is not felt: for a rover in mode arm, which gives it itself")  # fmt: skip
     parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: loaded where it exists, and saved at the end")
     parser.add_argument("--off-screen", metavar="FILE.png", help="draws into a file, once a second, instead of a window")
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
@@ -105,7 +108,7 @@ def run(chosen: argparse.Namespace) -> None:
                 watched = stack.enter_context(fs.connect(chosen.listen, f"{chosen.name} watching"))
         else:
             scene = watched = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
-        viz = Viz(scene, watched, ground, chosen.name, chosen.follow)
+        viz = Viz(scene, watched, ground, chosen.name, chosen.follow, not chosen.see_ground)
         stack.callback(viz.close)
         if chosen.hazards and chosen.hazards.exists():
             load(viz, chosen.hazards)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from typing import Any
 
 import forceserver as fs
@@ -18,24 +19,33 @@ period = 0.04  # s, of the moves while VIZ follows a rover
 push, most = 400.0, 5.0  # N/m and N at the hand: of the ground
 parts_of_arm = ("shoulder", "elbow", "wrist", "tip")
 own_colour = "#ffd92f"
+shown_time = 20.0  # s, of the forces in the chart
 
 
 class Viz:
-    """scene: VIZ's own. watched: where all clients are seen, in most cases the same. follow: the client whose point "pose" stays in the
-    middle, for a rover in mode drive; None: the whole map."""
+    """scene: VIZ's own. watched: where all clients are seen, in most cases the same. follow: the client whose point "pose" stays in
+    the middle, for a rover in mode drive; None: the whole map. is_ground_felt: not where another client gives the ground."""
 
     def __init__(
-        self, scene: fs.Scene, watched: fs.Scene, ground: Ground, name: str = "viz", follow: str | None = None
+        self,
+        scene: fs.Scene,
+        watched: fs.Scene,
+        ground: Ground,
+        name: str = "viz",
+        follow: str | None = None,
+        is_ground_felt: bool = True,
     ) -> None:
         self.scene, self.watched, self.ground, self.name, self.follow = scene, watched, ground, name, follow
         self.hazards = Hazards(scene, ground)
         self.middle = np.zeros(3)  # of the scene, on the map
         self.scale = map_scale if follow is None else joystick_scale
         self.others: dict[str, tuple[int, Array]] = {}  # borders of other clients: revision, points on the map
+        self.trail: deque[Array] = deque(maxlen=2000)  # places of the rover on the map, 0.3 m apart
+        self.history: deque[tuple[float, dict[str, float]]] = deque(maxlen=2000)  # s; N of each client
         self._ends = threading.Event()
         scene.set_frame(fs.Frame(scale=self.scale))
         below = fs.LinearIncreasing(push / self.scale, limit=most)
-        scene["ground"] = fs.Mesh(*ground.mesh(), back=below)
+        scene["ground"] = fs.Mesh(*ground.mesh(), back=below, enabled=is_ground_felt)
         self._follower = threading.Thread(target=self._go_on_following, name="viz-follow", daemon=True)
         if follow is not None:
             self._follower.start()
@@ -111,7 +121,14 @@ class Viz:
         motions = self.watched.get_motions(None)
         places = {str(motion["name"]): motion["pose"] for motion in motions}
         rover = next((name for name in places if name.endswith("/pose")), None)
-        picture.show_rover(None if rover is None else (np.array(places[rover]["position"]), np.array(places[rover]["orientation"])))
+        if rover is not None:
+            at = np.array(places[rover]["position"])
+            picture.show_rover((at, np.array(places[rover]["orientation"])))
+            if not self.trail or np.linalg.norm(at - self.trail[-1]) > 0.3:
+                self.trail.append(at)
+                picture.show_trail(np.array(self.trail))
+        else:
+            picture.show_rover(None)
         arm = [places[name]["position"] for part in parts_of_arm if rover and (name := f"{rover[:-5]}/{part}") in places]
         picture.show_arm(np.array(arm))
         self._show_forces(picture, place, hand)
@@ -123,6 +140,14 @@ class Viz:
         else:
             forces = {str(client["name"]): np.array(client["wrench"]["force"]) for client in self.watched.get_clients()}
         picture.show_forces(place, forces)
+        now = time.monotonic()
+        self.history.append((now, {name: float(np.linalg.norm(force)) for name, force in forces.items()}))
+        while self.history[0][0] < now - shown_time:
+            self.history.popleft()
+        times = np.array([then - now for then, _ in self.history])
+        names = {name for _, newtons in self.history for name, value in newtons.items() if value > 0.02}
+        sizes = {name: np.array([newtons.get(name, 0.0) for _, newtons in self.history]) for name in sorted(names)}
+        picture.show_history(times, sizes)
         felt = [f"{name} {np.linalg.norm(force):.1f} N" for name, force in forces.items() if np.linalg.norm(force) > 0.02]
         sent = np.linalg.norm(np.asarray(hand.sent.force))
         picture.show_words(f"the hand gets {sent:.1f} N: {', '.join(felt) or 'none'}" if place is not None else "no hand")

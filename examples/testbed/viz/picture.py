@@ -45,7 +45,8 @@ def along(vector: Array, at: Array, length: float) -> Array:
 def model_of_rover() -> Any:
     """Its middle is between the wheels."""
     parts = [pv.Box((-0.45, 0.45, -0.3, 0.3, 0.23, 0.47))]
-    parts += [pv.Cylinder(center=(x, y, 0), direction=(0, 1, 0), radius=0.18, height=0.18) for x in (-0.6, 0, 0.6) for y in (-0.52, 0.52)]
+    for x in (-0.6, 0, 0.6):
+        parts += [pv.Cylinder(center=(x, y, 0), direction=(0, 1, 0), radius=0.18, height=0.18) for y in (-0.52, 0.52)]
     return pv.merge([part.triangulate() for part in parts]).extract_surface(algorithm=None)
 
 
@@ -63,7 +64,8 @@ class Picture:
         self.ground = pv.PolyData.from_regular_faces(points, triangles.astype(int))
         self.ground["height"] = points[:, 2]
         self.ground.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True)
-        self.ground_actor = self.plotter.add_mesh(self.ground, scalars="height", cmap="copper", show_scalar_bar=False, name="ground")
+        look: dict[str, Any] = {"scalars": "height", "cmap": "copper", "show_scalar_bar": False}
+        self.ground_actor = self.plotter.add_mesh(self.ground, name="ground", **look)
         # The rover is drawn twice as large as it is, so that it can be seen on the map.
         self.rover = self.plotter.add_mesh(model_of_rover().scale(2.0), color="#f0e6c8", name="rover")
         self.arm = self.plotter.add_mesh(pv.Line(), color="#d98c21", line_width=5, name="arm")
@@ -72,6 +74,14 @@ class Picture:
             one.SetVisibility(False)
         self.arrows: dict[str, Any] = {}
         self.lines: dict[str, Any] = {}
+        self.colours: dict[str, str] = {}
+        self.trail = self.plotter.add_mesh(pv.Line(), color="#f0e6c8", line_width=2, name="trail")
+        self.trail.SetVisibility(False)
+        self.chart = pv.Chart2D(size=(0.4, 0.26), loc=(0.01, 0.02), x_label="s", y_label="N at the hand")
+        self.chart.background_color = (255, 255, 255, 200)
+        self.chart.legend_visible = True
+        self.plotter.add_chart(self.chart)
+        self.curves: dict[str, Any] = {}
         self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
         self.plotter.camera_position = [(0, -1.8 * ground.half[1], 1.9 * ground.half[1]), (0, -0.1 * ground.half[1], 0), (0, 0, 1)]
         self.plotter.show(auto_close=False, interactive=False, interactive_update=not off_screen)
@@ -87,6 +97,23 @@ class Picture:
         if len(points) > 1:
             self.arm.mapper.SetInputData(pv.lines_from_points(points))
 
+    def colour_of(self, client: str) -> str:
+        return self.colours.setdefault(client, colours[len(self.colours) % len(colours)])
+
+    def show_trail(self, points: Array) -> None:
+        """Where the rover has driven."""
+        self.trail.SetVisibility(len(points) > 1)
+        if len(points) > 1:
+            self.trail.mapper.SetInputData(pv.lines_from_points(points + [0, 0, 0.1]))
+
+    def show_history(self, times: Array, newtons: dict[str, Array]) -> None:
+        """How hard each client pushed; times: s, the newest is 0."""
+        for name, values in newtons.items():
+            if name in self.curves:
+                self.curves[name].update(times, values)
+            else:
+                self.curves[name] = self.chart.line(times, values, color=self.colour_of(name), label=name)
+
     def show_hand(self, place: Array | None) -> None:
         self.hand.SetVisibility(place is not None)
         if place is not None:
@@ -97,7 +124,7 @@ class Picture:
         for name, force in forces.items():
             newtons = float(np.linalg.norm(force))
             if name not in self.arrows:
-                colour = colours[len(self.arrows) % len(colours)]
+                colour = self.colour_of(name)
                 arrow = pv.Arrow(tip_length=0.25, tip_radius=0.06, shaft_radius=0.025)
                 self.arrows[name] = self.plotter.add_mesh(arrow, color=colour, name=f"force {name}", render=False)
             self.arrows[name].SetVisibility(at is not None and newtons > 0.02)
@@ -113,7 +140,8 @@ class Picture:
                 self.plotter.remove_actor(f"line {name}", render=False)
             return
         raised = np.concatenate([points, points[:1]]) + [0, 0, 0.05]
-        self.lines[name] = self.plotter.add_mesh(pv.lines_from_points(raised), color=colour, line_width=4, name=f"line {name}", render=False)
+        line = pv.lines_from_points(raised)
+        self.lines[name] = self.plotter.add_mesh(line, color=colour, line_width=4, name=f"line {name}", render=False)
 
     def show_words(self, text: str) -> None:
         self.words.SetText(2, text)
