@@ -45,13 +45,13 @@ class Rig:
         self.servo.close()
         self.device.close()
 
-    def run(self, seconds: float) -> Iterator[fs.Hand]:
-        """Frame after frame; the hand after each."""
-        for _ in range(round(seconds / period)):
+    def run(self, seconds: float, every: float = period) -> Iterator[fs.Hand]:
+        """Frame after frame; the hand after each. every: s, from frame to frame, on a busy machine more than the period."""
+        for _ in range(round(seconds / every)):
             said = self.robot.frame(self.scene.hand(), self.scene.time)
             if said:
                 self.said.append(said)
-            self.servo.step(round(1000 * period))
+            self.servo.step(round(1000 * every))
             yield self.scene.hand()
 
     def felt(self) -> np.ndarray:
