@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,12 @@ colours = ("#e41a1c", "#377eb8", "#ff7f00", "#984ea3", "#4daf4a", "#a65628", "#f
 
 class NoPicture(Exception):
     """There is neither a display nor another way to draw."""
+
+
+def can_draw() -> bool:
+    """Whether there is OpenGL without a display. Where there is none VTK crashes, so another process tries it."""
+    tries = "import pyvista; p = pyvista.Plotter(off_screen=True); p.show(auto_close=False); p.close()"
+    return subprocess.run([sys.executable, "-c", tries], capture_output=True).returncode == 0
 
 
 def transform(position: Array, orientation: Array) -> Array:
@@ -54,11 +62,12 @@ class Picture:
     def __init__(self, ground: Ground, *, off_screen: bool) -> None:
         if not off_screen and not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
             raise NoPicture("there is no display (DISPLAY is not set); --off-screen FILE draws into a file")
-        try:
-            self.plotter: Any = pv.Plotter(off_screen=off_screen, window_size=size, title="VIZ")
-        except Exception as failure:
-            raise NoPicture(f"neither a display nor EGL can be used (Debian: libegl1 libgl1-mesa-dri): {failure}") from None
+        if off_screen and not can_draw():
+            raise NoPicture("nothing here can draw with OpenGL (Debian: libegl1 libgl1-mesa-dri)")
+        self.plotter: Any = pv.Plotter(off_screen=off_screen, window_size=size, title="VIZ")
         window: Any = self.plotter.render_window
+        if not off_screen and "EGL" in window.GetClassName():
+            raise NoPicture(f"the display {os.environ.get('DISPLAY')} cannot be opened")
         window.SetMultiSamples(0)  # without a graphics card antialiasing takes three times as long
         points, triangles = ground.mesh()
         self.ground = pv.PolyData.from_regular_faces(points, triangles.astype(int))

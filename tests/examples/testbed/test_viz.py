@@ -278,6 +278,16 @@ def test_wrong_words(arguments, words):
     assert viz.returncode in (1, 2) and words in output and "Traceback" not in output, output
 
 
+@pytest.mark.parametrize(("variables", "options", "words"), [
+    ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null"}, ("--off-screen", "none.png"), "OpenGL"),
+    ({"DISPLAY": ":9999"}, (), "cannot be opened"),
+])  # fmt: skip
+def test_nothing_to_draw_with(lab, tmp_path, variables, options, words):
+    environment = {**os.environ, "DISPLAY": "", "WAYLAND_DISPLAY": "", **variables}
+    viz = subprocess.run([sys.executable, "-B", "-m", "viz", lab, *options], cwd=testbed, env=environment, text=True, capture_output=True)
+    assert viz.returncode == 1 and words in viz.stderr.splitlines()[-1], viz.stderr
+
+
 @pytest.mark.skipif(not (shutil.which("Xvfb") and shutil.which("xdotool")), reason="there is no Xvfb or no xdotool")
 def test_with_a_real_mouse(lab, ground):
     """On a display: d, seven clicks and the first place again; another client sees the border. x removes it, q ends."""
