@@ -103,6 +103,16 @@ def test_without_a_hand_it_stops(flags):
     assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
 
 
+def test_it_stands_on_a_slope():
+    world = World()
+    world.put(-14, 6, 1.0)
+    world.step(500)
+    begin = world.position
+    assert world.axes[2, 2] < 0.995
+    world.step(5000)  # 10 s
+    assert np.linalg.norm(world.position - begin) < 5e-3
+
+
 def test_a_hand_that_jumps_turns_nothing_over():
     world, random = World(), np.random.default_rng(5)
     robot = Robot(fs.Scene(), world, "drive")
