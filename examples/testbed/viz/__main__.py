@@ -31,8 +31,8 @@ def options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--listen", metavar="ENDPOINT", help="lets other clients into the embedded servo")
     parser.add_argument("--follow", metavar="CLIENT",
                         help='keeps the point "pose" of this client in the middle, as a rover in mode drive does')  # fmt: skip
-    parser.add_argument("--see-ground", action="store_true",
-                        help="the ground is not felt: for a rover in mode arm, which gives it itself")  # fmt: skip
+    parser.add_argument("--arm", metavar="CLIENT",
+                        help="shows the arm of this client near by; the ground is not felt, as that client gives it")  # fmt: skip
     parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: loaded where it exists, and saved at the end")
     parser.add_argument("--off-screen", metavar="FILE.png", help="draws into a file, once a second, instead of a window")
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
@@ -98,7 +98,8 @@ def add_controls(viz: Viz, picture: Picture) -> None:
 def run(chosen: argparse.Namespace) -> None:
     ground = Ground(chosen.terrain)
     with contextlib.ExitStack() as stack:
-        picture = Picture(ground, off_screen=chosen.off_screen is not None)
+        is_near = bool(chosen.follow or chosen.arm)
+        picture = Picture(ground, off_screen=chosen.off_screen is not None, is_near=is_near)
         stack.callback(picture.close)
         if chosen.embed:
             scene = watched = stack.enter_context(fs.Scene())
@@ -108,7 +109,7 @@ def run(chosen: argparse.Namespace) -> None:
                 watched = stack.enter_context(fs.connect(chosen.listen, f"{chosen.name} watching"))
         else:
             scene = watched = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
-        viz = Viz(scene, watched, ground, chosen.name, chosen.follow, not chosen.see_ground)
+        viz = Viz(scene, watched, ground, chosen.name, chosen.follow, chosen.arm)
         stack.callback(viz.close)
         if chosen.hazards and chosen.hazards.exists():
             load(viz, chosen.hazards)

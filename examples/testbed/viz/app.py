@@ -13,7 +13,7 @@ from virtualrobot.ground import Array, Ground
 from virtualrobot.robot import joystick_scale, map_scale
 
 from .hazards import BadBorder, Hazards, prefix, width_of
-from .picture import Picture, colours
+from .picture import Picture, colours, transform
 
 period = 0.04  # s, of the moves while VIZ follows a rover
 push, most = 400.0, 5.0  # N/m and N at the hand: of the ground
@@ -24,7 +24,8 @@ shown_time = 20.0  # s, of the forces in the chart
 
 class Viz:
     """scene: VIZ's own. watched: where all clients are seen, in most cases the same. follow: the client whose point "pose" stays in
-    the middle, for a rover in mode drive; None: the whole map. is_ground_felt: not where another client gives the ground."""
+    the middle, for a rover in mode drive; None: the whole map. arm: the client whose arm is shown, for a rover in mode arm: the hand
+    is where it is for that client, and the ground is not felt, as that client gives it."""
 
     def __init__(
         self,
@@ -33,19 +34,21 @@ class Viz:
         ground: Ground,
         name: str = "viz",
         follow: str | None = None,
-        is_ground_felt: bool = True,
+        arm: str | None = None,
     ) -> None:
         self.scene, self.watched, self.ground, self.name, self.follow = scene, watched, ground, name, follow
+        self.arm = arm
         self.hazards = Hazards(scene, ground)
         self.middle = np.zeros(3)  # of the scene, on the map
         self.scale = map_scale if follow is None else joystick_scale
         self.others: dict[str, tuple[int, Array]] = {}  # borders of other clients: revision, points on the map
         self.trail: deque[Array] = deque(maxlen=2000)  # places of the rover on the map, 0.3 m apart
         self.history: deque[tuple[float, dict[str, float]]] = deque(maxlen=2000)  # s; N of each client
+        self.rocks: set[str] = set()  # that are drawn
         self._ends = threading.Event()
         scene.set_frame(fs.Frame(scale=self.scale))
         below = fs.LinearIncreasing(push / self.scale, limit=most)
-        scene["ground"] = fs.Mesh(*ground.mesh(), back=below, enabled=is_ground_felt)
+        scene["ground"] = fs.Mesh(*ground.mesh(), back=below, enabled=arm is None)
         self._follower = threading.Thread(target=self._go_on_following, name="viz-follow", daemon=True)
         if follow is not None:
             self._follower.start()
@@ -116,14 +119,16 @@ class Viz:
         """Brings the picture up to date."""
         hand = self.scene.hand()
         is_there = bool(hand.state.flags & fs.StateFlags.READY)
-        place = np.asarray(hand.state.pose.position) + self.middle if is_there else None
-        picture.show_hand(place)
         motions = self.watched.get_motions(None)
         places = {str(motion["name"]): motion["pose"] for motion in motions}
+        place = self._hand_on_map(np.asarray(hand.state.pose.position), places) if is_there else None
+        picture.show_hand(place)
         rover = next((name for name in places if name.endswith("/pose")), None)
         if rover is not None:
             at = np.array(places[rover]["position"])
             picture.show_rover((at, np.array(places[rover]["orientation"])))
+            if self.follow or self.arm:
+                picture.look_at(at)
             if not self.trail or np.linalg.norm(at - self.trail[-1]) > 0.3:
                 self.trail.append(at)
                 picture.show_trail(np.array(self.trail))
@@ -131,8 +136,50 @@ class Viz:
             picture.show_rover(None)
         arm = [places[name]["position"] for part in parts_of_arm if rover and (name := f"{rover[:-5]}/{part}") in places]
         picture.show_arm(np.array(arm))
+        self._show_rocks(picture, places)
         self._show_forces(picture, place, hand)
         self._show_borders(picture, motions)
+
+    def _hand_on_map(self, hand: Array, places: dict[str, Any]) -> Array:
+        """Where the hand is for the client whose arm is shown, or for VIZ."""
+        of_arm = self._arm_on_map(places)
+        if self.arm is None or of_arm is None:
+            return hand + self.middle
+        try:
+            frame = self.watched.get_view(self.arm).frame
+        except fs.Error:
+            return hand + self.middle  # the rover has just gone
+        turn = transform(np.zeros(3), np.asarray(frame.pose.orientation))[:3, :3]
+        at_arm = frame.scale * ((hand / self.scale - np.asarray(frame.pose.position)) @ turn)
+        return of_arm[:3, 3] + of_arm[:3, :3] @ at_arm
+
+    def _arm_on_map(self, places: dict[str, Any]) -> Array | None:
+        """From the arm's axes to the map; None: there is no arm."""
+        rover, shoulder = places.get(f"{self.arm}/pose"), places.get(f"{self.arm}/shoulder")
+        if rover is None or shoulder is None:
+            return None
+        return transform(np.array(shoulder["position"]), np.array(rover["orientation"]))
+
+    def _show_rocks(self, picture: Picture, places: dict[str, Any]) -> None:
+        """Those that the client of the arm gives; they lie still on the map."""
+        of_arm = self._arm_on_map(places)
+        if of_arm is None:
+            return
+        for name in places:
+            if not name.startswith(f"{self.arm}/rock") or name in self.rocks:
+                continue
+            try:
+                shape = self.watched.object_get(name).shape
+            except fs.Error:
+                continue
+            triangles = shape.get_triangles() if shape else None
+            if shape is None or triangles is None:
+                continue
+            pose = places[name]
+            at_arm = transform(np.array(pose["position"]), np.array(pose["orientation"]))
+            whole = of_arm @ at_arm
+            picture.show_rock(name, np.asarray(shape.get_points()) @ whole[:3, :3].T + whole[:3, 3], np.asarray(triangles))
+            self.rocks.add(name)
 
     def _show_forces(self, picture: Picture, place: Array | None, hand: fs.Hand) -> None:
         if self.watched is self.scene and self.scene._client is None:

@@ -12,8 +12,6 @@ import pyvista as pv
 from virtualrobot.ground import Array, Ground
 
 size = [1000, 640]  # pixels
-metres_a_newton = 3.0
-hand_radius = 0.6  # m
 colours = ("#e41a1c", "#377eb8", "#ff7f00", "#984ea3", "#4daf4a", "#a65628", "#f781bf", "#00ced1")
 
 
@@ -59,7 +57,11 @@ def model_of_rover() -> Any:
 
 
 class Picture:
-    def __init__(self, ground: Ground, *, off_screen: bool) -> None:
+    """is_near: of the rover and what is around it; otherwise of the whole map, on which rover, hand and forces are drawn larger."""
+
+    def __init__(self, ground: Ground, *, off_screen: bool, is_near: bool = False) -> None:
+        self.metres_a_newton = 0.3 if is_near else 3.0
+        self.looked_at = np.zeros(3)
         if not off_screen and not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
             raise NoPicture("there is no display (DISPLAY is not set); --off-screen FILE draws into a file")
         if off_screen and not can_draw():
@@ -75,10 +77,9 @@ class Picture:
         self.ground.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True)
         look: dict[str, Any] = {"scalars": "height", "cmap": "copper", "show_scalar_bar": False}
         self.ground_actor = self.plotter.add_mesh(self.ground, name="ground", **look)
-        # The rover is drawn twice as large as it is, so that it can be seen on the map.
-        self.rover = self.plotter.add_mesh(model_of_rover().scale(2.0), color="#f0e6c8", name="rover")
+        self.rover = self.plotter.add_mesh(model_of_rover().scale(1.0 if is_near else 2.0), color="#f0e6c8", name="rover")
         self.arm = self.plotter.add_mesh(pv.Line(), color="#d98c21", line_width=5, name="arm")
-        self.hand = self.plotter.add_mesh(pv.Sphere(radius=hand_radius), color="white", name="hand")
+        self.hand = self.plotter.add_mesh(pv.Sphere(radius=0.04 if is_near else 0.6), color="white", name="hand")
         for one in (self.rover, self.arm, self.hand):
             one.SetVisibility(False)
         self.arrows: dict[str, Any] = {}
@@ -92,8 +93,19 @@ class Picture:
         self.plotter.add_chart(self.chart)
         self.curves: dict[str, Any] = {}
         self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
+        self.words.prop.background_color, self.words.prop.background_opacity = "white", 0.7
         self.plotter.camera_position = [(0, -1.8 * ground.half[1], 1.9 * ground.half[1]), (0, -0.1 * ground.half[1], 0), (0, 0, 1)]
+        if is_near:
+            self.plotter.camera_position = [(2.4, -2.8, 2.2), (0.5, 0, 0.3), (0, 0, 1)]
         self.plotter.show(auto_close=False, interactive=False, interactive_update=not off_screen)
+
+    def look_at(self, place: Array) -> None:
+        """Goes along with what is in the middle of the picture, as the person has turned it."""
+        by = place - self.looked_at
+        camera = self.plotter.camera
+        camera.position, camera.focal_point = tuple(camera.position + by), tuple(camera.focal_point + by)
+        self.looked_at = place
+        self.plotter.renderer.ResetCameraClippingRange()
 
     def show_rover(self, place: tuple[Array, Array] | None) -> None:
         self.rover.SetVisibility(place is not None)
@@ -138,9 +150,13 @@ class Picture:
                 self.arrows[name] = self.plotter.add_mesh(arrow, color=colour, name=f"force {name}", render=False)
             self.arrows[name].SetVisibility(at is not None and newtons > 0.02)
             if at is not None and newtons > 0.02:
-                self.arrows[name].user_matrix = along(force, at, metres_a_newton * newtons)
+                self.arrows[name].user_matrix = along(force, at, self.metres_a_newton * newtons)
         for name in self.arrows.keys() - forces.keys():
             self.arrows[name].SetVisibility(False)
+
+    def show_rock(self, name: str, points: Array, triangles: Array) -> None:
+        rock = pv.PolyData.from_regular_faces(points, triangles.astype(int))
+        self.plotter.add_mesh(rock, color="#73594a", name=name, render=False)
 
     def show_line(self, name: str, points: Array | None, colour: str) -> None:
         """A closed line; None takes it away."""
