@@ -19,7 +19,7 @@ def test_a_short_tour(mode):
     environment = {**os.environ, "DISPLAY": "", "WAYLAND_DISPLAY": ""}
     image = root / "build" / "testbed.png"
     image.unlink(missing_ok=True)
-    command = [root / "examples" / "testbed" / "run", "--full", "--mode", mode, "--seconds", "10", "--built", built]
+    command = [root / "examples" / "testbed" / "run", "--full", "--mode", mode, "--seconds", "6", "--built", built]
     run = subprocess.run(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
     assert run.returncode == 0, run.stdout
     assert f"mode {mode}" in run.stdout and "frames, " in run.stdout

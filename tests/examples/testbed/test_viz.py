@@ -20,7 +20,9 @@ testbed = Path(__file__).parents[3] / "examples" / "testbed"
 sys.path.insert(0, str(testbed))
 
 from virtualrobot.ground import Ground, width  # noqa: E402
-from virtualrobot.robot import map_scale, period  # noqa: E402
+from virtualrobot.manipulator import Manipulator  # noqa: E402
+from virtualrobot.robot import map_scale  # noqa: E402
+from virtualrobot.world import World  # noqa: E402
 from viz.app import Viz  # noqa: E402
 from viz.drawing import Drawing  # noqa: E402
 from viz.hazards import BadBorder, Hazards, drape, width_of  # noqa: E402
@@ -212,6 +214,26 @@ def test_it_follows_a_rover(lab, ground):
         eventually(lambda: viz.follow_once() and viz.middle[0] == 6)
         for name in ("ground", "hazard 1"):
             assert np.allclose(scene[name].pose.position, (-6, 3, -1)) and np.allclose(scene[name].twist.linear, (-0.5, 0, 0))
+        viz.close()
+
+
+def test_the_hand_and_the_rocks_where_the_arm_has_them(lab, ground, picture):
+    world = World()
+    with fs.connect(lab, "rover") as rover, fs.connect(lab, "viz") as scene:
+        robot = Manipulator(rover, world)
+        robot.frame(rover.hand(), 0)
+        rover.sync(10)
+        viz = Viz(scene, scene, ground, arm="rover")
+        scene.sync(30)
+        eventually(lambda: np.linalg.norm(rover.hand().state.twist.linear) < 1e-4)
+        viz.show(picture)
+        hand = np.asarray(rover.hand().state.pose.position)
+        assert np.linalg.norm(picture.hand.position - robot.arm.to_world(hand)) < 1e-3
+        assert len(viz.rocks) == 10
+        for i in world.rocks:
+            drawn = picture.plotter.actors[f"rover/{world.model.geom(i).name}"].bounds
+            points, _ = world.rock(i)
+            assert np.allclose(np.reshape(drawn, (3, 2)), np.stack([points.min(axis=0), points.max(axis=0)], axis=1), atol=2e-3)
         viz.close()
 
 
