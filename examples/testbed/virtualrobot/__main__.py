@@ -18,8 +18,11 @@ from .robot import period
 from .world import World
 
 
+name = "rover"  # of the client
+
+
 def say(text: str) -> None:
-    print(f"rover: {text}", flush=True)
+    print(f"{name}: {text}", flush=True)
 
 
 def options(arguments: list[str]) -> argparse.Namespace:
@@ -52,18 +55,16 @@ def tell_events(scene: fs.Scene) -> None:
 def run(chosen: argparse.Namespace) -> None:
     world = World(chosen.terrain)
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(chosen.record.open("w")) if chosen.record else None
         scene = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
+        file = stack.enter_context(chosen.record.open("w")) if chosen.record else None
         robot = make_robot(scene, world, chosen.mode)
         recorder = Recorder(file, chosen.mode, chosen.terrain) if file else None
         say(f"it stands {where(world)}; mode {chosen.mode}")
         pace = Pace(period)
-        time = scene.time
+        time = scene.time - period
         try:
             while True:
-                pace.wait()
-                now = scene.time
-                time = max(time + period, now - period)  # exactly one period later, unless this process was delayed for long
+                time += pace.wait() * period  # by whole periods, so that a frame that is a little late makes no step
                 hand = scene.hand()
                 said = robot.frame(hand, time)
                 if recorder:
@@ -78,7 +79,9 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def main() -> int:
+    global name
     chosen = options(sys.argv[1:])
+    name = chosen.name
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:
         run(chosen)

@@ -17,7 +17,7 @@ from .world import World
 
 joints = ("azimuth", "shoulder", "elbow", "wrist")
 nearest = 0.1  # m, from the azimuth's axis: nearer, the arm would have to turn too fast
-fold = 0.9  # rad, down from the forearm: how the wrist is best held
+fold = 0.9  # rad, down from the forearm: the angle of the wrist where there is a choice
 envelope_error = 1e-3  # m, by which the envelope may differ from where the tip can be
 
 

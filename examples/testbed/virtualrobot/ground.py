@@ -35,10 +35,18 @@ def read_heights(path: Path) -> tuple[Array, float]:
             values = [float(word) for text in (line, *file) for word in text.split()]
     except (OSError, ValueError) as failure:
         raise BadTerrain(f"{path}: {failure}") from None
+    unusable = [name for name, value in header.items() if not math.isfinite(value) and name != "nodata_value"]
+    if unusable:
+        raise BadTerrain(f"{path}: {unusable[0]} is {header[unusable[0]]:g}")
     missing = {"ncols", "nrows", "yllcorner", "cellsize"} - header.keys()
     if missing:
         raise BadTerrain(f"{path} has no {', '.join(sorted(missing))} in its header")
+    south, north = header["yllcorner"], header["yllcorner"] + header["nrows"] * header["cellsize"]
+    if not (header["cellsize"] > 0 and south >= -85 and north <= 85):
+        raise BadTerrain(f"{path} lies between the latitudes {south:g} and {north:g}; it must be in degrees, within 85")
     columns, rows = int(header["ncols"]), int(header["nrows"])
+    if header["ncols"] != columns or header["nrows"] != rows:
+        raise BadTerrain(f"{path}: ncols and nrows must be whole numbers")
     if min(rows, columns) < 2 or len(values) != rows * columns:
         raise BadTerrain(f"{path} has {len(values)} heights; {columns} columns and {rows} rows are told, at least 2 of each")
     heights = np.array(values).reshape(rows, columns)[::-1]
@@ -46,8 +54,10 @@ def read_heights(path: Path) -> tuple[Array, float]:
     if unknown.any():
         row, column = np.argwhere(unknown)[0]
         raise BadTerrain(f"{path}: the height in column {column}, row {rows - 1 - row} is not known")
-    latitude = math.radians(header["yllcorner"] + rows / 2 * header["cellsize"])
-    spread = heights.max() - heights.min()
+    latitude = math.radians((south + north) / 2)
+    spread = float(heights.max()) - float(heights.min())
+    if not math.isfinite(spread):
+        raise BadTerrain(f"{path}: the heights are too far apart")
     return (heights - heights.min()) / (spread if spread > 0 else 1), (rows - 1) / ((columns - 1) * math.cos(latitude))
 
 

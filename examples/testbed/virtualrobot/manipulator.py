@@ -32,7 +32,6 @@ class Manipulator:
     def __init__(self, scene: fs.Scene, world: World) -> None:
         self.scene, self.world, self.arm = scene, world, Arm(world)
         world.steer(0, 0)
-        self.ground_law = (0.0, 0.0)  # N/m and N, as set
         self.places = self._places()
         frame = fs.Frame(pose=fs.Pose(position=-np.array(middle) / scale), scale=scale, force_scale=force_scale)
         scene.set_frame(frame)
@@ -45,7 +44,7 @@ class Manipulator:
                 name = world.model.geom(i).name
                 at_rock = (points - world.data.geom_xpos[i]) @ world.data.geom_xmat[i].reshape(3, 3)
                 scene[name] = fs.Mesh(at_rock, triangles, contact=outside, pose=as_pose(self.places[name]))
-            self.ground_law = self._ground_law()
+            self.ground_law = self._ground_law()  # N/m and N, as set
             scene["ground"] = fs.Plane(back=self._profile(), pose=as_pose(self.places["ground"]))
             for name in world.parts():
                 scene[name] = fs.Point(enabled=False, pose=as_pose(self.places[name]))
@@ -61,7 +60,7 @@ class Manipulator:
         return self.arm.to_arm(ground), normal @ self.arm.axes
 
     def _ground_law(self) -> tuple[float, float]:
-        """N/m and N: of the arm's motors and of MuJoCo's contact, one behind the other; what the motors can bear."""
+        """N/m and N: of the arm's motors and of MuJoCo's contact in series; what the motors can bear."""
         _, normal = self._below()
         motors, contact = self.arm.stiffness_along(normal), self.arm.contact_along(normal)
         return 1 / (1 / motors + 1 / contact), self.arm.most_along(normal)

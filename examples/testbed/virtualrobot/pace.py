@@ -14,7 +14,8 @@ class Pace:
         self.latest = 0.0  # s: how much too late a frame was at most
         self._next = time.monotonic()
 
-    def wait(self) -> None:
+    def wait(self) -> int:
+        """Gives how many periods this frame is after the last one."""
         now = time.monotonic()
         if now < self._next:
             time.sleep(self._next - now)
@@ -26,6 +27,7 @@ class Pace:
         self.left_out += missed
         self.latest = max(self.latest, behind)
         self._next += (missed + 1) * self.period
+        return missed + 1
 
     def __str__(self) -> str:
         late = f"{self.late} late by more than {1e3 * self.period:.0f} ms (at most {1e3 * self.latest:.0f} ms)"

@@ -15,9 +15,13 @@ from typing import Any, TextIO
 import forceserver as fs
 import mujoco  # type: ignore[import-untyped]
 
+from .ground import BadTerrain
 from .manipulator import Manipulator
 from .robot import Robot
 from .world import World
+
+
+versions = {"mujoco": mujoco.__version__, "forceserver": fs.__version__}
 
 
 def make_robot(scene: fs.Scene, world: World, mode: str) -> Robot | Manipulator:
@@ -39,7 +43,7 @@ class Recorder:
 
     def __init__(self, file: TextIO, mode: str, terrain: Path) -> None:
         self.file = file
-        self._write({"mode": mode, "terrain": str(terrain.resolve()), "mujoco": mujoco.__version__, "forceserver": fs.__version__})
+        self._write({"mode": mode, "terrain": str(terrain.resolve())} | versions)
 
     def add(self, hand: fs.Hand, time: float, world: World) -> None:
         """After the frame. force: N, what the device got when the frame began."""
@@ -54,10 +58,15 @@ def replay(path: Path) -> tuple[int, int | None]:
     """Moves a rover by the recorded hand. Gives the number of frames, and the first that differs, if any does."""
     with path.open() as file, fs.Scene() as scene:
         head = json.loads(file.readline())
+        for name, version in versions.items():
+            if head[name] != version:
+                print(f"it was recorded with {name} {head[name]}; this is {version}", file=sys.stderr)
         world = World(Path(head["terrain"]))
         robot = make_robot(scene, world, head["mode"])
         count = 0
         for line in file:
+            if not line.endswith("\n"):
+                break  # the program was killed while it wrote
             frame = json.loads(line)
             state = fs.State(pose=fs.Pose(position=frame["hand"]), flags=frame["flags"])
             hand = fs.Hand(state, fs.Response(proxy=fs.Pose(position=frame["proxy"])), fs.Wrench())
@@ -69,12 +78,12 @@ def replay(path: Path) -> tuple[int, int | None]:
 
 
 def main() -> int:
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 2 or sys.argv[1].startswith("-"):
         print("usage: python -m virtualrobot.recording FILE", file=sys.stderr)
         return 2
     try:
         count, differs = replay(Path(sys.argv[1]))
-    except (OSError, ValueError, KeyError) as failure:
+    except (OSError, ValueError, KeyError, TypeError, BadTerrain) as failure:
         print(f"{sys.argv[1]}: this is no recording: {failure}", file=sys.stderr)
         return 1
     print(f"{count} frames, all with the same bits" if differs is None else f"frame {differs} differs")

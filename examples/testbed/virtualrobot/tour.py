@@ -51,7 +51,11 @@ def main() -> int:
     if len(sys.argv) != 5 or sys.argv[1] not in ("drive", "arm"):
         print(f"usage: {__doc__.splitlines()[0] if __doc__ else ''}", file=sys.stderr)
         return 2
-    mode, seconds, lead, file = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])
+    try:
+        mode, seconds, lead, file = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])
+    except ValueError as failure:
+        print(f"virtualrobot.tour: {failure}", file=sys.stderr)
+        return 2
     rows = path(drive_stops if mode == "drive" else arm_stops(), seconds, lead)
     file.write_text("".join(f"{t:.3f} {x:.9g} {y:.9g} {z:.9g}\n" for t, x, y, z in rows))
     return 0

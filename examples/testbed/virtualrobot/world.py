@@ -90,10 +90,6 @@ class World:
         mujoco.mj_step(self.model, self.data, count)
 
     @property
-    def time(self) -> float:
-        return float(self.data.time)
-
-    @property
     def axes(self) -> Array:
         """Columns: ahead, to the left, up of the hull."""
         return np.array(self.data.xmat[self.rover]).reshape(3, 3)

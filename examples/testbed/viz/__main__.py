@@ -11,15 +11,18 @@ import argparse
 import contextlib
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import forceserver as fs
+import numpy as np
 from virtualrobot.ground import BadTerrain, Ground, terrain_file
 
-from .app import Viz, wait_for_frame
+from .app import Viz, period
 from .drawing import Drawing
 from .picture import NoPicture, Picture
+from .show import Show
 
 
 def options(arguments: list[str]) -> argparse.Namespace:
@@ -33,7 +36,7 @@ def options(arguments: list[str]) -> argparse.Namespace:
                         help='keeps the point "pose" of this client in the middle, as a rover in mode drive does')  # fmt: skip
     parser.add_argument("--arm", metavar="CLIENT",
                         help="shows the arm of this client near by; the ground is not felt, as that client gives it")  # fmt: skip
-    parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: loaded where it exists, and saved at the end")
+    parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: its hazards are loaded, and saved after each change")
     parser.add_argument("--off-screen", metavar="FILE.png", help="draws into a file, once a second, instead of a window")
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
     chosen = parser.parse_args(arguments)
@@ -43,56 +46,42 @@ def options(arguments: list[str]) -> argparse.Namespace:
         parser.error("--embed needs --device URI, such as sim:?path=figure8")
     if not chosen.embed and (chosen.device or chosen.listen):
         parser.error("--device and --listen are for --embed")
+    if chosen.arm and (chosen.follow or chosen.hazards):
+        parser.error("--arm is for looking on: neither --follow nor --hazards goes with it")
     return chosen
 
 
-def load(viz: Viz, path: Path) -> None:
-    with fs.Scene() as file:
-        file.load(str(path))
-        with viz.scene.change():
-            for name in file:
-                viz.scene[name] = file[name]
-
-
-def save(viz: Viz, path: Path) -> None:
-    with fs.Scene() as file:
-        for name in viz.hazards.names():
-            one = viz.scene[name].object
-            one.pose, one.twist = fs.Pose(), fs.Twist()
-            file[name] = one
-        file.save(str(path))
-
-
-def add_controls(viz: Viz, picture: Picture) -> None:
+def add_controls(viz: Viz, picture: Picture) -> Drawing:
     drawing = Drawing(picture, viz.draw_hazard)
+    hazards = viz.hazards
+    viz.removed = drawing.take_away
 
     def remove_newest() -> None:
-        names = viz.hazards.names()
-        if names:
-            viz.hazards.remove(names[-1])
-            drawing.take_away(names[-1])
+        if hazards.newest:
+            drawing.take_away(hazards.newest)
+            hazards.remove(hazards.newest)
 
     def change() -> None:
-        names = viz.hazards.names()
-        if names:
-            viz.hazards.change(names[-1], viz.hazards.width, viz.hazards.newtons)
+        if hazards.newest:
+            hazards.change(hazards.newest, hazards.width, hazards.newtons)
 
     def set_width(value: float) -> None:
-        viz.hazards.width = value
+        hazards.width = value
         change()
 
     def set_newtons(value: float) -> None:
-        viz.hazards.newtons = value
+        hazards.newtons = value
         change()
 
     plotter = picture.plotter
     plotter.add_key_event("d", drawing.begin)
     plotter.add_key_event("Escape", drawing.give_up)
     plotter.add_key_event("x", remove_newest)
-    look = {"pointa": (0.72, 0.12), "pointb": (0.97, 0.12), "style": "modern", "title_height": 0.02, "interaction_event": "end"}
-    plotter.add_slider_widget(set_width, (1, 8), value=viz.hazards.width, title="newest hazard: width, m", **look)
-    look |= {"pointa": (0.72, 0.27), "pointb": (0.97, 0.27)}
-    plotter.add_slider_widget(set_newtons, (0.5, 5), value=viz.hazards.newtons, title="newest hazard: N", **look)
+    look = {"style": "modern", "title_height": 0.02, "interaction_event": "end"}
+    low, high = {"pointa": (0.72, 0.12), "pointb": (0.97, 0.12)}, {"pointa": (0.72, 0.27), "pointb": (0.97, 0.27)}
+    plotter.add_slider_widget(set_width, (1, 8), value=hazards.width, title="newest hazard: width, m", **look, **low)
+    plotter.add_slider_widget(set_newtons, (0.5, 5), value=hazards.newtons, title="newest hazard: N", **look, **high)
+    return drawing
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -101,39 +90,45 @@ def run(chosen: argparse.Namespace) -> None:
         is_near = bool(chosen.follow or chosen.arm)
         picture = Picture(ground, off_screen=chosen.off_screen is not None, is_near=is_near)
         stack.callback(picture.close)
+        watched = None
         if chosen.embed:
-            scene = watched = stack.enter_context(fs.Scene())
+            scene = stack.enter_context(fs.Scene())
             servo = stack.enter_context(fs.Servo(scene, chosen.device))
             if chosen.listen:
                 stack.enter_context(fs.Server(servo, chosen.listen))
                 watched = stack.enter_context(fs.connect(chosen.listen, f"{chosen.name} watching"))
         else:
             scene = watched = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
-        viz = Viz(scene, watched, ground, chosen.name, chosen.follow, chosen.arm)
+        viz = Viz(scene, ground, chosen.name, chosen.follow, chosen.arm is None)
+        viz.watched = watched or scene
         stack.callback(viz.close)
-        if chosen.hazards and chosen.hazards.exists():
-            load(viz, chosen.hazards)
-        if chosen.off_screen is None:
-            add_controls(viz, picture)
+        # The sliders call back when they are made, so the hazards of the file come after them.
+        drawing = add_controls(viz, picture) if chosen.off_screen is None and chosen.arm is None else None
+        if chosen.hazards:
+            viz.keep_hazards_in(chosen.hazards)
+            if drawing:
+                for name in viz.hazards.order:
+                    drawing.add(name, np.array([[x, y, ground.height(x, y)] for x, y in viz.hazards.nodes(name)]))
+        viz.begin_to_follow()
         viz.say(f"the ground has {picture.ground.n_cells} triangles")
-        try:
-            loop(viz, picture, chosen.off_screen)
-        finally:
-            if chosen.hazards:
-                save(viz, chosen.hazards)
+        loop(viz, Show(viz, picture, watched, chosen.arm), picture, chosen.off_screen)
 
 
-def loop(viz: Viz, picture: Picture, off_screen: str | None) -> None:
-    while off_screen is not None or not picture.is_closed:
+def loop(viz: Viz, show: Show, picture: Picture, off_screen: str | None) -> None:
+    """Until it is to end. What a signal raised inside of VTK would be lost there, so a signal only says that it is to end."""
+    ends = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: ends.set())
+    while not ends.is_set() and (off_screen is not None or not picture.is_closed):
         begin = time.monotonic()
         viz.tell_events()
-        viz.show(picture)
+        show.update()
         if off_screen is not None:
             picture.save(off_screen)
-            time.sleep(1)
+            ends.wait(1)
         else:
             picture.go_on()
-            wait_for_frame(begin)
+            ends.wait(max(0.0, begin + period - time.monotonic()))
 
 
 def main() -> int:
@@ -143,7 +138,7 @@ def main() -> int:
         run(chosen)
     except KeyboardInterrupt:
         return 0
-    except (BadTerrain, NoPicture, fs.Error, ConnectionError) as failure:
+    except (BadTerrain, NoPicture, fs.Error, OSError) as failure:
         print(f"viz: {failure}", file=sys.stderr)
         return 1
     return 0

@@ -13,12 +13,36 @@ from virtualrobot.ground import Array
 from .picture import Picture
 
 
-class Drawing:
-    """One border at a time is being drawn; those that are closed stay, each with its own name.
+class Border:
+    """One border in the picture. name: of its hazard; None: it is being drawn. nodes: as its hazard has them."""
 
-    closed: is called with a border (its name, or None for a new one, and its nodes), and gives the name of the hazard; None: it cannot
-    be one, and is dropped, or stays as it was.
-    """
+    def __init__(self, widget: Any) -> None:
+        self.widget, self.name = widget, None  # type: Any, str | None
+        self.nodes = np.zeros((0, 3))
+
+    @property
+    def drawn(self) -> Array:
+        """Its nodes in the picture, m on the map."""
+        shown, out = self.widget.GetRepresentation(), []
+        for i in range(shown.GetNumberOfNodes()):
+            place = [0.0, 0.0, 0.0]
+            shown.GetNthNodeWorldPosition(i, place)
+            out.append(place)
+        return np.array(out).reshape(-1, 3)
+
+    def put_back(self) -> None:
+        """Shows the nodes of its hazard."""
+        shown = self.widget.GetRepresentation()
+        shown.ClearAllNodes()
+        for place in self.nodes:
+            shown.AddNodeAtWorldPosition(*place)
+        shown.ClosedLoopOn()
+        shown.BuildRepresentation()
+
+
+class Drawing:
+    """closed: is called when a border is closed or changed, with its name (None: it is new) and its nodes, and gives the name of the hazard;
+    None: it cannot be one, and what was there stays."""
 
     def __init__(self, picture: Picture, closed: Callable[[str | None, Array], str | None]) -> None:
         self.picture, self.closed = picture, closed
@@ -26,13 +50,31 @@ class Drawing:
         self.locator = vtk.vtkStaticCellLocator()  # without it a click takes two seconds
         self.locator.SetDataSet(picture.ground)
         self.locator.BuildLocator()
-        self.widgets: dict[Any, str | None] = {}  # the name of each border; None: it is being drawn
-        self.pen: Any = None
+        self.borders: list[Border] = []
+        self.pen: Border | None = None  # what is being drawn
 
     def begin(self) -> None:
         """The next click is the first node of a new border."""
+        if self.pen is None:
+            self.pen = self._make()
+
+    def give_up(self) -> None:
+        """What is being drawn is dropped."""
         if self.pen is not None:
-            return
+            self._drop(self.pen)
+
+    def add(self, name: str, nodes: Array) -> None:
+        """A hazard that is there already."""
+        border = self._make()
+        border.name, border.nodes = name, nodes
+        border.widget.SetWidgetState(vtk.vtkContourWidget.Manipulate)
+        border.put_back()
+
+    def take_away(self, name: str) -> None:
+        for border in [one for one in self.borders if one.name == name]:
+            self._drop(border)
+
+    def _make(self) -> Border:
         placer = vtk.vtkPolygonalSurfacePointPlacer()
         placer.AddProp(self.picture.ground_actor)
         placer.GetPolys().AddItem(self.picture.ground)
@@ -40,48 +82,40 @@ class Drawing:
         placer.GetCellPicker().SetTolerance(0)
         shown = vtk.vtkOrientedGlyphContourRepresentation()
         shown.SetPointPlacer(placer)
+        shown.SetLineInterpolator(vtk.vtkLinearContourLineInterpolator())  # straight, as the border is
         shown.GetLinesProperty().SetColor(1, 1, 1)
         shown.GetLinesProperty().SetLineWidth(2)
         widget = vtk.vtkContourWidget()
         widget.SetInteractor(self.interactor)
         widget.SetRepresentation(shown)
-        widget.AddObserver("EndInteractionEvent", lambda *_: self._look(widget))
+        border = Border(widget)
+        widget.AddObserver("EndInteractionEvent", lambda *_: self._look(border))
+        widget.AddObserver("InteractionEvent", lambda *_: self._look_for_delete(border))
         widget.On()
-        self.widgets[widget] = None
-        self.pen = widget
+        self.borders.append(border)
+        return border
 
-    def give_up(self) -> None:
-        """What is being drawn is dropped."""
-        if self.pen is not None:
-            self._drop(self.pen)
+    def _look_for_delete(self, border: Border) -> None:
+        if border.name is not None and len(border.drawn) != len(border.nodes):
+            self._look(border)
 
-    def take_away(self, name: str) -> None:
-        for widget in [one for one, its in self.widgets.items() if its == name]:
-            self._drop(widget)
-
-    def nodes(self, widget: Any) -> Array:
-        shown, out = widget.GetRepresentation(), []
-        for i in range(shown.GetNumberOfNodes()):
-            place = [0.0, 0.0, 0.0]
-            shown.GetNthNodeWorldPosition(i, place)
-            out.append(place)
-        return np.array(out).reshape(-1, 3)
-
-    def _look(self, widget: Any) -> None:
-        """A border was closed, or a node of it was moved or taken away."""
-        if not widget.GetRepresentation().GetClosedLoop():
+    def _look(self, border: Border) -> None:
+        """The border was closed, or a node of it was moved or taken away."""
+        if border is self.pen and not border.widget.GetRepresentation().GetClosedLoop():
             return
-        before = self.widgets[widget]
-        name = self.closed(before, self.nodes(widget))
+        nodes = border.drawn
+        name = self.closed(border.name, nodes)
         if name is not None:
-            self.widgets[widget] = name
-        if widget is self.pen:
+            border.name, border.nodes = name, nodes
+        elif border is self.pen:
+            self._drop(border)
+        else:
+            border.put_back()
+        if border is self.pen:
             self.pen = None
-            if name is None:
-                self._drop(widget)
 
-    def _drop(self, widget: Any) -> None:
-        widget.Off()
-        self.widgets.pop(widget, None)
-        if widget is self.pen:
+    def _drop(self, border: Border) -> None:
+        border.widget.Off()
+        self.borders = [one for one in self.borders if one is not border]
+        if border is self.pen:
             self.pen = None

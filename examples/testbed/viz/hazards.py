@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import forceserver as fs
 import numpy as np
@@ -40,6 +41,14 @@ def drape(ground: Ground, nodes: Array) -> Array:
     return np.array([[x, y, ground.height(x, y)] for x, y in places])
 
 
+def nodes_of(line: Array) -> Array:
+    """The nodes (x, y) of a draped border: between two of them it is straight, seen from above."""
+    places = line[:, :2]
+    a, b = places - np.roll(places, 1, axis=0), np.roll(places, -1, axis=0) - places
+    turn = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return np.array(places[np.abs(turn) > 1e-9 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)])
+
+
 def force(width: float, newtons: float) -> fs.Profile:
     """width: m on the map, up to where it pushes. newtons: at most."""
     return fs.Custom(shape_of_force, gain=newtons, step=width / (len(shape_of_force) - 1), limit=newtons, sense="repulsive")
@@ -57,29 +66,76 @@ class Hazards:
     def __init__(self, scene: fs.Scene, ground: Ground) -> None:
         self.scene, self.ground = scene, ground
         self.width, self.newtons = 3.0, 3.0  # m on the map; N at the hand: of what is drawn next
+        self.order: list[str] = []  # as they were drawn or loaded
+        self.path: Path | None = None  # of the scene file in which they are kept
+        self.is_following = False  # they move against a rover, and stand still on the map
 
     def names(self) -> list[str]:
         return [name for name in self.scene if name.startswith(prefix)]
 
     def new_name(self) -> str:
-        taken = set(self.names())
-        return next(name for i in range(1, 10_000) if (name := f"{prefix}{i}") not in taken)
+        numbers = [int(number) for name in self.names() if (number := name.removeprefix(prefix)).isdecimal()]
+        return f"{prefix}{max(numbers, default=0) + 1}"
+
+    @property
+    def newest(self) -> str | None:
+        """The one that was drawn or loaded last."""
+        names = set(self.names())
+        return next((name for name in reversed(self.order) if name in names), None)
 
     def put(self, name: str, nodes: Array, position: Array | None = None) -> Array:
-        """Sets a hazard to these nodes; one that is there keeps its place and its force. Gives the line on the ground."""
+        """Sets a hazard to these nodes; one that is there keeps its force. position: where the middle of the map is in the scene. Gives the
+        line on the ground."""
         line = drape(self.ground, nodes)
         shape = fs.shape_create_polyline(line, True)
+        place = np.zeros(3) if position is None else position
         if name in self.scene:
-            self.scene[name].shape = shape
+            self.scene[name].change(shape=shape, position=place, orientation=(1, 0, 0, 0))
         else:
             front = force(self.width, self.newtons)
-            place = np.zeros(3) if position is None else position
             self.scene[name] = fs.Polyline(shape, position=place, front=front)
+            self.order.append(name)
+        self.save()
         return line
 
     def change(self, name: str, width: float, newtons: float) -> None:
         self.scene[name].front = force(width, newtons)
+        self.save()
+
+    def nodes(self, name: str) -> Array:
+        """x, y of each, m on the map."""
+        shape = self.scene[name].shape
+        return nodes_of(np.asarray(shape.get_points())) if shape else np.zeros((0, 2))
 
     def remove(self, name: str) -> None:
         if name in self.scene:
             self.scene[name].remove()
+        self.forget(name)
+
+    def forget(self, name: str) -> None:
+        """It is no longer in the scene."""
+        self.order = [one for one in self.order if one != name]
+        self.save()
+
+    def load(self, path: Path) -> None:
+        """The hazards of a scene file; what else is in it stays there."""
+        with fs.Scene() as file, self.scene.change():
+            file.load(str(path))
+            for name in sorted(one for one in file if one.startswith(prefix)):
+                self.scene[name] = file[name]
+                self.order.append(name)
+
+    def save(self) -> None:
+        if self.path is None:
+            return
+        with fs.Scene() as file:
+            if self.path.exists():
+                file.load(str(self.path))
+            for name in [one for one in file if one.startswith(prefix)]:
+                del file[name]
+            for name in self.names():
+                one = self.scene[name].object
+                if self.is_following:
+                    one.pose, one.twist = fs.Pose(), fs.Twist()
+                file[name] = one
+            file.save(str(self.path))

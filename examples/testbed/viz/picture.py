@@ -107,10 +107,11 @@ class Picture:
         self.looked_at = place
         self.plotter.renderer.ResetCameraClippingRange()
 
-    def show_rover(self, place: tuple[Array, Array] | None) -> None:
+    def show_rover(self, place: Array | None) -> None:
+        """place: its transform."""
         self.rover.SetVisibility(place is not None)
         if place is not None:
-            self.rover.user_matrix = transform(*place)
+            self.rover.user_matrix = place
 
     def show_arm(self, points: Array) -> None:
         """From the shoulder to the tip; none: there is no arm."""
@@ -129,6 +130,8 @@ class Picture:
 
     def show_history(self, times: Array, newtons: dict[str, Array]) -> None:
         """How hard each client pushed; times: s, the newest is 0."""
+        for name in self.curves.keys() - newtons.keys():
+            self.chart.remove_plot(self.curves.pop(name))
         for name, values in newtons.items():
             if name in self.curves:
                 self.curves[name].update(times, values)
@@ -157,6 +160,9 @@ class Picture:
     def show_rock(self, name: str, points: Array, triangles: Array) -> None:
         rock = pv.PolyData.from_regular_faces(points, triangles.astype(int))
         self.plotter.add_mesh(rock, color="#73594a", name=name, render=False)
+
+    def remove(self, name: str) -> None:
+        self.plotter.remove_actor(name, render=False)
 
     def show_line(self, name: str, points: Array | None, colour: str) -> None:
         """A closed line; None takes it away."""

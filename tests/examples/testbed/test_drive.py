@@ -103,6 +103,19 @@ def test_without_a_hand_it_stops(flags):
     assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
 
 
+def test_speed_changes_alike_in_both_directions():
+    for sign in (1, -1):
+        robot = Robot(fs.Scene(), World(), "drive")
+        ahead = robot.world.axes[:, 0]
+        speeds = []
+        for k in range(60):
+            robot.frame(hand_at(np.array([1.0 if k < 40 else -1.0]) * sign * ahead), (k + 1) * period)
+            speeds.append(sign * robot.wish.speed)
+        step = np.diff([0, *speeds])
+        assert step[:20] == pytest.approx([0.04] * 20) and step.min() == pytest.approx(-0.2)
+        assert 0.0 in np.round(speeds[40:], 9)  # it stands before it goes the other way
+
+
 def test_it_stands_on_a_slope():
     world = World()
     world.put(-14, 6, 1.0)
@@ -192,6 +205,15 @@ def test_terrain_files(tmp_path):
         file.write_text(text)
         with pytest.raises(BadTerrain, match=word):
             read_heights(file)
+    for old, new, word in (("ncols 3", "ncols nan", "ncols is nan"), ("ncols 3", "ncols inf", "ncols is inf"), ("ncols 3", "ncols 2.5", "whole"),
+                           ("yllcorner 0", "yllcorner 4000000", "latitudes"), ("cellsize 0.001", "cellsize -1", "latitudes"),
+                           ("yllcorner 0", "yllcorner 89.99", "latitudes")):  # fmt: skip
+        file.write_text(head.replace(old, new) + "1 2 3 4 5 6")
+        with pytest.raises(BadTerrain, match=word):
+            read_heights(file)
+    file.write_text(head + "1 2 3 4 1e308 -1e308")
+    with pytest.raises(BadTerrain, match="too far apart"):
+        read_heights(file)
     with pytest.raises(BadTerrain, match="No such file"):
         read_heights(tmp_path / "none.asc")
 

@@ -27,6 +27,7 @@ from viz.app import Viz  # noqa: E402
 from viz.drawing import Drawing  # noqa: E402
 from viz.hazards import BadBorder, Hazards, drape, width_of  # noqa: E402
 from viz.picture import Picture  # noqa: E402
+from viz.show import Show  # noqa: E402
 
 patience = 90  # s: nothing here is a measure of time, this only ends what would never come
 border = [(-10, -8), (-2, -12), (6, -9), (9, -1), (5, 6), (-4, 7), (-11, 1)]  # m: seven nodes
@@ -128,6 +129,19 @@ class Mouse:
         self.interactor.SetEventInformation(*at, 0, 0, "\0", 0, None)
         self.interactor.MouseMoveEvent()
 
+    def drag(self, begin: tuple[int, int], end: tuple[int, int]) -> None:
+        self.move(begin)
+        self.interactor.LeftButtonPressEvent()
+        for part in np.linspace(0, 1, 5):
+            self.move(tuple(round(a + part * (b - a)) for a, b in zip(begin, end, strict=True)))
+        self.interactor.LeftButtonReleaseEvent()
+
+    def key(self, name: str) -> None:
+        x, y = self.interactor.GetEventPosition()
+        self.interactor.SetEventInformation(x, y, 0, 0, "\x7f", 0, name)
+        self.interactor.KeyPressEvent()
+        self.interactor.KeyReleaseEvent()
+
     def click(self, at: tuple[int, int]) -> None:
         self.move(at)
         self.interactor.LeftButtonPressEvent()
@@ -151,14 +165,16 @@ def draw(mouse: Mouse, ground: Ground, nodes: list[tuple[float, float]]) -> None
 def test_drawn_with_the_mouse_seen_and_felt(lab, ground, picture):
     mouse = Mouse(picture)
     with fs.connect(lab, "viz") as scene, fs.connect(lab, "other") as other:
-        viz = Viz(scene, scene, ground)
+        viz = Viz(scene, ground)
+        show = Show(viz, picture, scene)
         drawing = Drawing(picture, viz.draw_hazard)
+        viz.removed = drawing.take_away
         drawing.begin()
         draw(mouse, ground, border)
         assert viz.hazards.names() == ["hazard 1"] and drawing.pen is None
         scene.sync(10)
         expect_border(other, "viz/hazard 1", ground)
-        nodes = drawing.nodes(next(iter(drawing.widgets)))
+        nodes = drawing.borders[0].drawn
         assert np.linalg.norm(nodes[:, :2] - border, axis=1).max() < 0.2  # a pixel is 0.1 m
 
         # The hand is felt where the border is: VIZ evaluates what it has, at the place of the hand.
@@ -168,33 +184,99 @@ def test_drawn_with_the_mouse_seen_and_felt(lab, ground, picture):
         # A second one that crosses itself is dropped, the first stays.
         drawing.begin()
         draw(mouse, ground, [(12, 12), (18, 18), (18, 12), (12, 18)])
-        assert viz.hazards.names() == ["hazard 1"] and drawing.pen is None and len(drawing.widgets) == 1
+        assert viz.hazards.names() == ["hazard 1"] and drawing.pen is None and len(drawing.borders) == 1
 
         # A node is moved, another taken away.
         before = np.asarray(scene["hazard 1"].shape.get_points())
         begin, end = (mouse.place(*place) for place in (nodes[3], nodes[3] + [4, 0, 0]))
-        mouse.move(begin)
-        mouse.interactor.LeftButtonPressEvent()
-        for part in np.linspace(0, 1, 5):
-            mouse.move(tuple(round(a + part * (b - a)) for a, b in zip(begin, end, strict=True)))
-        mouse.interactor.LeftButtonReleaseEvent()
+        mouse.drag(begin, end)
         after = np.asarray(scene["hazard 1"].shape.get_points())
         assert after[:, 0].max() > before[:, 0].max() + 2
         expect_border(scene, "hazard 1", ground)
 
-        viz.show(picture)
+        # One that crosses itself comes back.
+        begin, end = (mouse.place(*place) for place in (drawing.borders[0].drawn[0], nodes[4]))
+        mouse.drag(begin, end)
+        mouse.drag(end, mouse.place(12, 12, ground.height(12, 12)))
+        assert np.allclose(drawing.borders[0].drawn, drawing.borders[0].nodes)
+        expect_border(scene, "hazard 1", ground)
+
+        # Delete takes away the node below the mouse, down to three.
+        for _ in range(8):
+            mouse.move(mouse.place(*drawing.borders[0].drawn[1]))
+            mouse.key("Delete")
+            assert len(drawing.borders[0].drawn) == len(viz.hazards.nodes("hazard 1")) >= 3
+        assert len(drawing.borders[0].drawn) == 3
+        expect_border(scene, "hazard 1", ground)
+
+        show.update()
         assert picture.colours_seen() > 1000
-        viz.hazards.remove("hazard 1")
-        drawing.take_away("hazard 1")
-        assert not drawing.widgets
-        viz.show(picture)
+        # Another client removes it: its border goes, too.
+        scene.sync(30)
+        other.object_remove("viz/hazard 1")
+        eventually(lambda: viz.tell_events() or not drawing.borders)
+        assert viz.hazards.newest is None
+        show.update()
         assert not picture.lines
         viz.close()
 
 
+def test_loaded_hazards_can_be_moved(ground, picture, tmp_path):
+    file = tmp_path / "hazards.json"
+    with fs.Scene() as kept:
+        kept["table"] = fs.Wall((0, 0, 0), (0, 0, 1), stiffness=100, limit=1)
+        kept["ground"] = fs.Point(enabled=False)
+        Hazards(kept, ground).put("hazard 7", np.array(border))
+        kept.save(str(file))
+    mouse = Mouse(picture)
+    with fs.Scene() as scene:
+        viz = Viz(scene, ground)
+        drawing = Drawing(picture, viz.draw_hazard)
+        viz.keep_hazards_in(file)
+        assert viz.hazards.newest == "hazard 7" and scene["ground"].primitive == fs.Primitive.MESH and "table" not in scene
+        nodes = viz.hazards.nodes("hazard 7")
+        assert np.abs(nodes - border).max() < 1e-9
+        drawing.add("hazard 7", np.array([[x, y, ground.height(x, y)] for x, y in nodes]))
+        begin, end = (mouse.place(x, y, ground.height(x, y)) for x, y in (border[3], (13, -1)))
+        mouse.drag(begin, end)
+        assert np.abs(viz.hazards.nodes("hazard 7")[:, 0]).max() == pytest.approx(13, abs=0.3)
+        viz.draw_hazard(None, np.array(border) + [15, 15])
+        assert viz.hazards.newest == "hazard 8"
+        drawing.take_away("hazard 7")
+        viz.close()
+    with fs.Scene() as kept:  # what else is in the file stays
+        kept.load(str(file))
+        assert sorted(kept) == ["ground", "hazard 7", "hazard 8", "table"]
+        assert np.asarray(kept["hazard 7"].shape.get_points())[:, 0].max() == pytest.approx(13, abs=0.3)
+
+
+def test_borders_of_others_are_drawn_where_they_are(lab, ground, picture):
+    square = np.array([(1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0)], float)
+    half = np.sqrt(0.5)
+    with fs.connect(lab, "viz") as scene, fs.connect(lab, "other") as other:
+        other.set_frame(fs.Frame(pose=fs.Pose(position=(0.01, 0, 0)), scale=100))
+        other["square"] = fs.Polyline(square, closed=True, position=(0, 1, 0), orientation=(half, 0, 0, half))
+        other.sync(30)
+        viz = Viz(scene, ground)
+        show = Show(viz, picture, scene)
+        for moved in (0.0, 5.0):
+            if moved:
+                other["square"].move(position=(moved, 1, 0), orientation=(half, 0, 0, half))
+                other.sync(30)
+            show.update()
+            at_device = (np.stack([-square[:, 1], square[:, 0], square[:, 2]], axis=1) + [moved, 1, 0]) / 100 + [0.01, 0, 0]
+            bounds = np.reshape(picture.plotter.actors["line other/square"].bounds, (3, 2))[:2]
+            expected = map_scale * np.stack([at_device.min(axis=0), at_device.max(axis=0)], axis=1)[:2]
+            assert np.allclose(bounds, expected, atol=1e-3)
+        viz.close()
+        del other["square"]
+        other.sync(30)
+        eventually(lambda: show.update() or not picture.lines)
+
+
 def test_the_ground_is_felt_from_below_only(ground):
     with fs.Scene() as scene:
-        viz = Viz(scene, scene, ground)
+        viz = Viz(scene, ground)
         here = np.array([3.0, 4.0, ground.height(3, 4)])
         above, below = scene.evaluate([here + [0, 0, 1], here - [0, 0, 1]], name="ground")
         assert np.linalg.norm(above) == 0 and below[2] > 0.5
@@ -203,17 +285,21 @@ def test_the_ground_is_felt_from_below_only(ground):
 
 def test_it_follows_a_rover(lab, ground):
     with fs.connect(lab, "rover") as rover, fs.connect(lab, "viz") as scene:
-        viz = Viz(scene, scene, ground)
-        viz.follow = "rover"
+        viz = Viz(scene, ground, follow="rover")
         assert not viz.follow_once()
         rover["pose"] = fs.Point(position=(5, -3, 1), enabled=False)
         eventually(viz.follow_once)
         viz.draw_hazard(None, np.array(border))
         rover.object_move("pose", fs.Pose(position=(6, -3, 1)), fs.Twist(linear=(0.5, 0, 0)), 0)
         rover.sync(10)
-        eventually(lambda: viz.follow_once() and viz.middle[0] == 6)
+        eventually(lambda: viz.follow_once() and viz.offset[0] == 6)
         for name in ("ground", "hazard 1"):
             assert np.allclose(scene[name].pose.position, (-6, 3, -1)) and np.allclose(scene[name].twist.linear, (-0.5, 0, 0))
+        # Hazards that come and go do not end it.
+        viz.begin_to_follow()
+        for _ in range(60):
+            viz.hazards.remove(viz.draw_hazard(None, np.array(border)) or "")
+        assert viz._follower.is_alive()
         viz.close()
 
 
@@ -223,13 +309,14 @@ def test_the_hand_and_the_rocks_where_the_arm_has_them(lab, ground, picture):
         robot = Manipulator(rover, world)
         robot.frame(rover.hand(), 0)
         rover.sync(10)
-        viz = Viz(scene, scene, ground, arm="rover")
+        viz = Viz(scene, ground, is_felt=False)
+        show = Show(viz, picture, scene, arm="rover")
         scene.sync(30)
         eventually(lambda: np.linalg.norm(rover.hand().state.twist.linear) < 1e-4)
-        viz.show(picture)
+        show.update()
         hand = np.asarray(rover.hand().state.pose.position)
         assert np.linalg.norm(picture.hand.position - robot.arm.to_world(hand)) < 1e-3
-        assert len(viz.rocks) == 10
+        assert len(show.rocks) == 10
         for i in world.rocks:
             drawn = picture.plotter.actors[f"rover/{world.model.geom(i).name}"].bounds
             points, _ = world.rock(i)
@@ -263,7 +350,6 @@ def test_embedded_with_others(tmp_path, ground):
         expect_border(scene, "server/hazard 1", ground)
         scene.set_frame(fs.Frame(scale=map_scale))
         eventually(image.exists)
-        hazards.unlink()
         viz.send_signal(signal.SIGTERM)
         output, _ = viz.communicate(timeout=patience)
         assert viz.returncode == 0, output
@@ -290,6 +376,8 @@ def test_two_and_one_is_killed(lab, tmp_path):
     (("shm:a", "--embed"), "either ENDPOINT or --embed"),
     (("--embed",), "--device"),
     (("shm:a", "--device", "sim:"), "for --embed"),
+    (("shm:a", "--arm", "rover", "--follow", "rover"), "--arm"),
+    (("--embed", "--device", "sim:", "--off-screen", "/none/none.png"), "none.png"),
     (("shm:a", "--terrain", "none.asc"), "none.asc"),
     (("shm:a",), "no display"),
     (("shm:nobody-is-there", "--off-screen", "/tmp/none.png"), "nobody-is-there"),
