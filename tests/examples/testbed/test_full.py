@@ -12,7 +12,7 @@ root = Path(__file__).parents[3]
 built = root / "build" / "release"
 
 
-@pytest.mark.parametrize("mode", ["map", "drive", "arm"])
+@pytest.mark.parametrize("mode", ["map", "arm"])
 @pytest.mark.skipif(not (built / "examples" / "testbed" / "account").exists(), reason="the programs are not built")
 def test_a_short_tour(mode):
     """It checks by itself that each client was felt, that VIZ was told of an edit, and that nothing is left."""
