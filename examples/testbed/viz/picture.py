@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+import vtk  # type: ignore[import-untyped]
 from virtualrobot.ground import Array, Ground
 
 size = [1000, 640]  # pixels
@@ -53,6 +54,8 @@ def model_of_rover() -> Any:
     parts = [pv.Box((-0.45, 0.45, -0.3, 0.3, 0.23, 0.47))]
     for x in (-0.6, 0, 0.6):
         parts += [pv.Cylinder(center=(x, y, 0), direction=(0, 1, 0), radius=0.18, height=0.18) for y in (-0.52, 0.52)]
+    parts += [pv.Box((-0.62, 0.62, y - 0.03, y + 0.03, -0.03, 0.06)) for y in (-0.4, 0.4)]  # rockers, and what holds them
+    parts += [pv.Box((-0.05, 0.15, -0.43, 0.43, 0.25, 0.33)), *(pv.Box((0.02, 0.08, y - 0.03, y + 0.03, 0, 0.3)) for y in (-0.4, 0.4))]
     return pv.merge([part.triangulate() for part in parts]).extract_surface(algorithm=None)
 
 
@@ -66,6 +69,7 @@ class Picture:
             raise NoPicture("there is no display (DISPLAY is not set); --off-screen FILE draws into a file")
         if off_screen and not can_draw():
             raise NoPicture("nothing here can draw with OpenGL (Debian: libegl1 libgl1-mesa-dri)")
+        vtk.vtkLogger.SetStderrVerbosity(vtk.vtkLogger.VERBOSITY_ERROR)  # else it warns that there is no display
         self.plotter: Any = pv.Plotter(off_screen=off_screen, window_size=size, title="VIZ")
         window: Any = self.plotter.render_window
         if not off_screen and "EGL" in window.GetClassName():
@@ -90,6 +94,7 @@ class Picture:
         self.chart = pv.Chart2D(size=(0.4, 0.26), loc=(0.01, 0.02), x_label="s", y_label="N at the hand")
         self.chart.background_color = (255, 255, 255, 200)
         self.chart.legend_visible = True
+        self.chart.visible = False
         self.plotter.add_chart(self.chart)
         self.curves: dict[str, Any] = {}
         self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
@@ -130,6 +135,7 @@ class Picture:
 
     def show_history(self, times: Array, newtons: dict[str, Array]) -> None:
         """How hard each client pushed; times: s, the newest is 0."""
+        self.chart.visible = bool(newtons)
         for name in self.curves.keys() - newtons.keys():
             self.chart.remove_plot(self.curves.pop(name))
         for name, values in newtons.items():

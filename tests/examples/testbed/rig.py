@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import forceserver as fs
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "testbed"))
+testbed = Path(__file__).parents[3] / "examples" / "testbed"
+patience = 90  # s: nothing here is a measure of time, this only ends what would never come
+sys.path.insert(0, str(testbed))
 
 from virtualrobot.manipulator import Manipulator  # noqa: E402
 from virtualrobot.robot import Robot, period  # noqa: E402
 from virtualrobot.world import World  # noqa: E402
+
+
+def eventually(f: Callable[[], object]) -> object:
+    """Waits until f() is true, and returns it."""
+    end = time.monotonic() + patience
+    while not (value := f()):
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.02)
+    return value
 
 
 def hand_at(position, *, flags: int = fs.StateFlags.READY) -> fs.Hand:

@@ -9,24 +9,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import forceserver as fs
 import numpy as np
 import pytest
-
-testbed = Path(__file__).parents[3] / "examples" / "testbed"
-patience = 90  # s: nothing here is a measure of time, this only ends what would never come
-
-
-def eventually(f: Callable[[], object]) -> object:
-    """Waits until f() is true, and returns it."""
-    end = time.monotonic() + patience
-    while not (value := f()):
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.02)
-    return value
+from rig import eventually, patience, testbed
 
 
 @pytest.fixture

@@ -9,38 +9,25 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import forceserver as fs
 import numpy as np
 import pytest
+from rig import eventually, patience, testbed
+from virtualrobot.ground import Ground, width
+from virtualrobot.manipulator import Manipulator
+from virtualrobot.robot import map_scale
+from virtualrobot.world import World
+from viz.app import Viz
+from viz.drawing import Drawing
+from viz.hazards import BadBorder, Hazards, drape, width_of
+from viz.picture import Picture
+from viz.show import Show
 
-testbed = Path(__file__).parents[3] / "examples" / "testbed"
-sys.path.insert(0, str(testbed))
-
-from virtualrobot.ground import Ground, width  # noqa: E402
-from virtualrobot.manipulator import Manipulator  # noqa: E402
-from virtualrobot.robot import map_scale  # noqa: E402
-from virtualrobot.world import World  # noqa: E402
-from viz.app import Viz  # noqa: E402
-from viz.drawing import Drawing  # noqa: E402
-from viz.hazards import BadBorder, Hazards, drape, width_of  # noqa: E402
-from viz.picture import Picture  # noqa: E402
-from viz.show import Show  # noqa: E402
-
-patience = 90  # s: nothing here is a measure of time, this only ends what would never come
 border = [(-10, -8), (-2, -12), (6, -9), (9, -1), (5, 6), (-4, 7), (-11, 1)]  # m: seven nodes
 numbers = itertools.count(1)
-
-
-def eventually(f: Callable[[], object]) -> object:
-    """Waits until f() is true, and returns it."""
-    end = time.monotonic() + patience
-    while not (value := f()):
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.02)
-    return value
 
 
 @pytest.fixture(scope="module")
