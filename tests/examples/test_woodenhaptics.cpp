@@ -405,7 +405,8 @@ START_TEST(test_device_has_nothing_to_say) {
     const bool has_failed = text.find("FAILED") != std::string::npos || text.find("## Result") == std::string::npos;
     is_good = is_sanitized ? !has_failed : status == 0;
   }
-  ck_assert_msg(is_good, "%s", text.c_str());
+  std::printf("%s", text.c_str());  // woodenhaptics.py looks at it
+  ck_assert(is_good);
 }
 END_TEST
 #endif
