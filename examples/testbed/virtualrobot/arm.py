@@ -25,8 +25,7 @@ class Arm:
     def __init__(self, world: World) -> None:
         self.world, self.model, self.data = world, world.model, world.data
         joint = [self.model.joint(name) for name in joints]
-        self.columns = np.array([one.dofadr[0] for one in joint])
-        self.places = np.array([one.qposadr[0] for one in joint])
+        self.addresses = np.array([one.qposadr[0] for one in joint])  # in qpos
         self.motors = [self.model.actuator(name).id for name in joints]
         self.range = np.array([self.model.actuator_ctrlrange[i] for i in self.motors])
         self.gains = np.array([self.model.actuator_gainprm[i, 0] for i in self.motors])  # N m/rad
@@ -128,12 +127,12 @@ class Arm:
 
     def stiffness_along(self, n: Array) -> float:
         """N/m, of the motors against a push on the tip along n (in the arm's axes, of length 1)."""
-        by_joint = self.jacobian_of(self.data.qpos[self.places]).T @ n  # N m for a push of 1 N
+        by_joint = self.jacobian_of(self.data.qpos[self.addresses]).T @ n  # N m for a push of 1 N
         return float(1 / (by_joint**2 / self.gains).sum())
 
     def most_along(self, n: Array) -> float:
         """N, that the motors can bear there."""
-        by_joint = np.abs(self.jacobian_of(self.data.qpos[self.places]).T @ n)
+        by_joint = np.abs(self.jacobian_of(self.data.qpos[self.addresses]).T @ n)
         return float(np.min(self.torques / np.maximum(by_joint, 1e-3)))
 
     def contact_along(self, n: Array) -> float:

@@ -7,6 +7,7 @@ tip is always there, and only a hand that goes below it feels it.
 from __future__ import annotations
 
 import forceserver as fs
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from .arm import Arm
@@ -14,16 +15,17 @@ from .ground import Array
 from .robot import Place, as_pose, period, twist_between
 from .world import World, product
 
-scale, force_scale = 12.0, 0.05  # m of the arm for a metre of the hand; N at the hand for a newton at the tip
-middle = (0.6, 0.0, -0.25)  # m, from the shoulder: where the hand is at the origin of the device
+arm_scale, arm_force_scale = 12.0, 0.05  # m of the arm for a metre of the hand; N at the hand for a newton at the tip
+home = (0.6, 0.0, -0.25)  # m, from the shoulder: where the hand is at the origin of the device
 stiffness, limit = 500.0, 60.0  # N/m and N at the tip: of the envelope and the rocks
 small_change = 0.05  # of the ground's stiffness: less does not matter
 
 
 def across(normal: Array) -> Array:
-    """The orientation of a plane with this normal, which points upwards and has length 1: the least turn from z."""
-    q = np.array([1 + normal[2], -normal[1], normal[0], 0])
-    return np.array(q / np.linalg.norm(q))
+    """The orientation of a plane with this normal: the least turn from z."""
+    out = np.zeros(4)
+    mujoco.mju_quatZ2Vec(out, normal)
+    return out
 
 
 class Manipulator:
@@ -33,7 +35,7 @@ class Manipulator:
         self.scene, self.world, self.arm = scene, world, Arm(world)
         world.steer(0, 0)
         self.places = self._places()
-        frame = fs.Frame(pose=fs.Pose(position=-np.array(middle) / scale), scale=scale, force_scale=force_scale)
+        frame = fs.Frame(pose=fs.Pose(position=-np.array(home) / arm_scale), scale=arm_scale, force_scale=arm_force_scale)
         scene.set_frame(frame)
         with scene.change():
             inside = fs.Contact(keep="back", stiffness=stiffness, limit=limit)

@@ -11,10 +11,11 @@ from collections import deque
 from typing import NamedTuple
 
 import forceserver as fs
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from .ground import Array
-from .world import World
+from .world import World, product
 
 period = 0.04  # s, of a frame
 fastest = 0.8  # m/s, of the rover
@@ -26,7 +27,6 @@ joystick_scale = 20.0  # m of the scene in drive mode for a metre of the hand
 map_scale = 300.0  # the same in map mode: 60 m are 0.2 m of the hand
 free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, and from where it is at its fastest
 arrived = 0.4  # m, from the goal
-
 
 Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
 
@@ -64,8 +64,7 @@ def wish_of_goal(goal: Array, position: Array, axes: Array) -> Wish:
 
 def orientation_of_plane(rover: Array) -> Array:
     """Of the rover (w, x, y, z) to that of a plane whose normal is its axles: x ahead, y up, z to the right."""
-    w, x, y, z = rover * math.sqrt(0.5)
-    return np.array([w - x, w + x, y + z, z - y])
+    return product(rover, np.array([math.sqrt(0.5), math.sqrt(0.5), 0, 0]))
 
 
 def as_pose(place: Place) -> fs.Pose:
@@ -74,13 +73,9 @@ def as_pose(place: Place) -> fs.Pose:
 
 def twist_between(a: Place, b: Place) -> fs.Twist:
     """From one place to another, a frame later."""
-    (w, *v), (sw, *sv) = a[1], b[1]
-    turn = w * np.array(sv) - sw * np.array(v) - np.cross(sv, v)  # of b * conjugate(a)
-    cosine = float(a[1] @ b[1])
-    sine = float(np.linalg.norm(turn))
-    angle = 2 * math.atan2(sine, abs(cosine))
-    rate = math.copysign(angle / sine, cosine) / period if sine > 0 else 0.0
-    return fs.Twist(linear=(b[0] - a[0]) / period, angular=rate * turn)
+    angular = np.zeros(3)
+    mujoco.mju_quat2Vel(angular, product(b[1], a[1] * [1, -1, -1, -1]), period)
+    return fs.Twist(linear=(b[0] - a[0]) / period, angular=angular)
 
 
 class Robot:
@@ -97,7 +92,7 @@ class Robot:
         self.wish = Wish()
         self.strength = self.shown_strength = 1.0  # of the plane, 0 to 1: now, and as it is set
         self.trouble: Trouble | None = None  # until the rover is put back
-        self.trail: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
+        self.good_places: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
         self.waited = self.driven = 0.0  # s since it last moved 0.5 m; m
         self.moved_from = world.position
         self.parts = world.parts()
@@ -173,14 +168,14 @@ class Robot:
             self.driven += way
             self.moved_from, self.waited = position, 0.0
             if self.world.axes[2, 2] > 0.8:
-                self.trail.append((float(x), float(y), self.world.heading))
+                self.good_places.append((float(x), float(y), self.world.heading))
         return Trouble("the rover is stuck", 3.0) if self.waited > 8.0 else None
 
     def _back(self, metres: float) -> tuple[float, float, float]:
         """The newest place of its way that is at least so far away; the middle of the map where there is none."""
         here = self.world.position[:2]
-        while self.trail:
-            place = self.trail.pop()
+        while self.good_places:
+            place = self.good_places.pop()
             if np.linalg.norm(here - place[:2]) >= metres:
                 return place
         return 0.0, 0.0, 0.0

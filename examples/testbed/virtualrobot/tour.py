@@ -13,7 +13,7 @@ import numpy as np
 
 from .arm import Arm
 from .ground import Array
-from .manipulator import middle, scale
+from .manipulator import arm_scale, home
 from .world import World
 
 drive_stops = np.array([[0, 0, 0], [0.04, 0, 0], [0.04, 0, 0], [0.035, 0.02, 0], [0.035, 0.02, 0], [0.03, -0.02, 0], [-0.03, 0, 0], [0, 0, 0]])
@@ -30,9 +30,9 @@ def arm_stops() -> Array:
         return arm.to_arm(np.array([place[0], place[1], world.ground.height(place[0], place[1]) + height]))
 
     rock = arm.to_arm(world.data.geom_xpos[world.rocks[0]])
-    stops = [np.array(middle), np.array([1.3, 0.2, 0.3]), np.array([0.7, 0.2, 0.1]), above(0.6, -0.2, 0.15), above(0.6, -0.2, -0.02),
-             above(0.7, 0.1, -0.02), above(0.6, 0, 0.2), rock + [0, 0, 0.3], rock + [0, 0, 0.05], rock + [0, 0, 0.35], np.array(middle)]  # fmt: skip
-    return (np.array(stops) - middle) / scale
+    stops = [np.array(home), np.array([1.3, 0.2, 0.3]), np.array([0.7, 0.2, 0.1]), above(0.6, -0.2, 0.15), above(0.6, -0.2, -0.02),
+             above(0.7, 0.1, -0.02), above(0.6, 0, 0.2), rock + [0, 0, 0.3], rock + [0, 0, 0.05], rock + [0, 0, 0.35], np.array(home)]  # fmt: skip
+    return (np.array(stops) - home) / arm_scale
 
 
 def path(stops: Array, seconds: float, lead: float) -> Array:

@@ -108,17 +108,25 @@ def run(chosen: argparse.Namespace) -> None:
             viz.keep_hazards_in(chosen.hazards)
             if drawing:
                 for name in viz.hazards.order:
-                    drawing.add(name, np.array([[x, y, ground.height(x, y)] for x, y in viz.hazards.nodes(name)]))
+                    nodes = viz.hazards.nodes(name)
+                    if len(nodes) >= 3:  # else it is no border
+                        drawing.add(name, np.array([[x, y, ground.height(x, y)] for x, y in nodes]))
         viz.begin_to_follow()
         viz.say(f"the ground has {picture.ground.n_cells} triangles")
         loop(viz, Show(viz, picture, watched, chosen.arm), picture, chosen.off_screen)
 
 
 def loop(viz: Viz, show: Show, picture: Picture, off_screen: str | None) -> None:
-    """Until it is to end. What a signal raised inside of VTK would be lost there, so a signal only says that it is to end."""
+    """Until it is to end. What a signal raised inside of VTK would be lost there, so the first one only says that it is to end."""
     ends = threading.Event()
+
+    def end(*_: object) -> None:
+        if ends.is_set():
+            raise KeyboardInterrupt
+        ends.set()
+
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: ends.set())
+        signal.signal(number, end)
     while not ends.is_set() and (off_screen is not None or not picture.is_closed):
         begin = time.monotonic()
         viz.tell_events()

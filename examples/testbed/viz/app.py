@@ -75,13 +75,17 @@ class Viz:
             self.say(f"{name} was edited by {by}")
 
     def _go_on_following(self) -> None:
+        said = ""
         while not self._ends.wait(period):
             try:
                 self.follow_once()
+                said = ""
             except ConnectionError:
                 return  # the server has gone, which the events tell
             except fs.Error as failure:
-                self.say(f"it cannot follow: {failure}")
+                if str(failure) != said:
+                    said = str(failure)
+                    self.say(f"it cannot follow: {said}")
 
     def follow_once(self) -> bool:
         """Moves ground and hazards so that the rover stays in the middle; whether there is a rover."""

@@ -9,14 +9,14 @@ import pytest
 import shapely
 from rig import Rig
 from virtualrobot.arm import Arm, envelope_error, nearest
-from virtualrobot.manipulator import middle, scale
+from virtualrobot.manipulator import arm_scale, home
 from virtualrobot.robot import period
 from virtualrobot.world import World
 
 
 def at_device(place) -> np.ndarray:
     """Of a place in the arm's axes."""
-    return (np.asarray(place) - middle) / scale
+    return (np.asarray(place) - home) / arm_scale
 
 
 def rest_at(place, *, since: float = 1.0) -> list[tuple[float, float, float, float]]:
