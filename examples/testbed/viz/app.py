@@ -33,7 +33,9 @@ class Viz:
         self._ends = threading.Event()
         scene.set_frame(fs.Frame(scale=self.scale))
         if is_felt:
-            scene["ground"] = fs.Mesh(*ground.mesh(), back=fs.LinearIncreasing(push / self.scale, limit=most))
+            # Solid: with a profile the force would jump where another triangle is the nearest, by more than a newton.
+            solid = fs.Contact(keep="front", stiffness=push / self.scale, limit=most)
+            scene["ground"] = fs.Mesh(*ground.mesh(), contact=solid)
         self._follower = threading.Thread(target=self._go_on_following, name="viz-follow", daemon=True)
 
     def begin_to_follow(self) -> None:

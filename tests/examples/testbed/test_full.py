@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
+import forceserver as fs
+import numpy as np
 import pytest
+import pyvista
+from rig import eventually, patience, testbed
 
 root = Path(__file__).parents[3]
 built = root / "build" / "release"
 
 
+needs_programs = pytest.mark.skipif(not (built / "examples" / "testbed" / "account").exists(), reason="the programs are not built")
+
+
 @pytest.mark.parametrize("mode", ["map", "arm"])
-@pytest.mark.skipif(not (built / "examples" / "testbed" / "account").exists(), reason="the programs are not built")
+@needs_programs
 def test_a_short_tour(mode):
     """It checks by itself that each client was felt, that VIZ was told of an edit, and that nothing is left."""
     environment = {**os.environ, "DISPLAY": "", "WAYLAND_DISPLAY": ""}
@@ -23,4 +32,71 @@ def test_a_short_tour(mode):
     run = subprocess.run(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
     assert run.returncode == 0, run.stdout
     assert f"mode {mode}" in run.stdout and "frames, " in run.stdout
-    assert image.read_bytes().startswith(b"\x89PNG")
+    assert len(np.unique(np.asarray(pyvista.read(image).point_data.active_scalars), axis=0)) > 1000  # colours
+
+
+@needs_programs
+def test_each_is_killed_in_turn(tmp_path):
+    """What the others give goes on. What the killed one gave fades, and comes back as softly: the force never jumps. Without the server
+    each ends, with a sentence."""
+    server, endpoint = Path(sys.executable).with_name("forceserver"), f"testbed-test-{os.getpid()}"
+    hazards = tmp_path / "hazards.json"
+    shutil.copy(testbed / "hazards.json", hazards)
+    python = [sys.executable, "-B", "-W", "ignore", "-m"]
+    at = f"shm:{endpoint}"
+    commands = {
+        "server": [server, "run", "--listen", endpoint, "--device", "sim:?hold=-0.05,0.0425,0.006"],  # beside a hazard
+        "viewer": [*python, "viz", at, "--name", "viewer", "--hazards", hazards, "--off-screen", tmp_path / "viz.png"],
+        "rover": [*python, "virtualrobot", at, "--mode", "map"],
+        "editor": [built / "examples" / "testbed" / "editor", endpoint],
+    }
+    processes: dict[str, subprocess.Popen[str]] = {}
+
+    def start(who: str) -> None:
+        processes[who] = subprocess.Popen(commands[who], cwd=testbed, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                          stderr=subprocess.STDOUT)  # fmt: skip
+
+    def end_of(who: str) -> str:
+        return processes.pop(who).communicate(timeout=patience)[0]
+
+    try:
+        start("server")
+        with fs.connect(f"{at}?timeout={patience}", "watcher") as watcher:
+            for who in ("viewer", "rover", "editor"):
+                start(who)
+
+            def felt() -> set[str]:
+                return {str(client["name"]) for client in watcher.get_clients() if np.linalg.norm(client["wrench"]["force"]) > 0.01}
+
+            steps: list[float] = []
+            last = 0
+
+            def look() -> None:
+                nonlocal last
+                ticks = watcher.get_record(last)
+                if len(ticks) > 1:
+                    force = np.asarray(ticks["tick"]["response"]["wrench"]["force"])
+                    follows = np.diff(ticks["number"]) == 1
+                    steps.extend(np.linalg.norm(np.diff(force, axis=0), axis=1)[follows])
+                if len(ticks):
+                    last = int(ticks["number"][-1])
+
+            eventually(lambda: look() or {"viewer", "editor", "rover"} <= felt())
+            for who in ("rover", "viewer", "editor"):
+                processes[who].kill()
+                end_of(who)
+                eventually(lambda who=who: look() or (who not in felt() and felt() >= {"viewer", "editor"} - {who}))
+                assert all(process.poll() is None for process in processes.values())
+                start(who)
+                eventually(lambda who=who: look() or who in felt())
+            assert len(steps) > 2000 and max(steps) < 0.05, (len(steps), max(steps))
+        processes["server"].kill()
+        end_of("server")
+        for who in ("viewer", "rover", "editor"):
+            process = processes[who]
+            output = end_of(who)
+            assert process.returncode == 1 and "server" in output.splitlines()[-1] and "Traceback" not in output, output
+    finally:
+        for process in processes.values():
+            process.kill()
+            process.communicate()

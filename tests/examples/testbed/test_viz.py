@@ -261,12 +261,36 @@ def test_borders_of_others_are_drawn_where_they_are(lab, ground, picture):
         eventually(lambda: show.update() or not picture.lines)
 
 
-def test_the_ground_is_felt_from_below_only(ground):
+def rub(ground: Ground, viz: Viz, tmp_path: Path, seconds: float) -> np.ndarray:
+    """A hand that is drawn over the map, some millimetres below the ground: the forces of each tick, N, shape (n, 3)."""
+    random = np.random.default_rng(4)
+    rows = [(0.0, 0.0, 0.0, 0.02)]
+    for t in np.arange(1, seconds + 5, 4):
+        x, y = random.uniform(-0.09, 0.09, 2)
+        rows.append((t, x, y, ground.height(x * map_scale, y * map_scale) / map_scale - random.uniform(0, 0.003)))
+    file = tmp_path / "path.txt"
+    file.write_text("".join(f"{t} {x} {y} {z}\n" for t, x, y, z in rows))
+    with (
+        fs.Device(f"sim:?hand=firm&friction=0&encoder=ideal&path={file}") as device,
+        fs.Servo(viz.scene, device, mode="virtual") as servo,
+    ):
+        felt, last = [], 0
+        for _ in range(round(5 * seconds)):
+            servo.step(200)
+            ticks = viz.scene.get_record(last)
+            last = int(ticks["number"][-1])
+            felt.append(np.asarray(ticks["tick"]["response"]["wrench"]["force"]).reshape(-1, 3))
+        return np.concatenate(felt)
+
+
+def test_the_ground_is_felt_without_a_jump(ground, tmp_path):
     with fs.Scene() as scene:
         viz = Viz(scene, ground)
-        here = np.array([3.0, 4.0, ground.height(3, 4)])
-        above, below = scene.evaluate([here + [0, 0, 1], here - [0, 0, 1]], name="ground")
-        assert np.linalg.norm(above) == 0 and below[2] > 0.5
+        force = rub(ground, viz, tmp_path, 40)
+        assert (force[:800] == 0).all() and np.linalg.norm(force, axis=1).max() > 1
+        step = np.linalg.norm(np.diff(force, axis=0), axis=1)
+        # The hand goes on by some 25 um a tick, up and down over the bumps by more: 400 N/m.
+        assert step.max() < 0.1, (step.max(), np.quantile(step, 0.999))
         viz.close()
 
 
