@@ -15,7 +15,7 @@ from pathlib import Path
 import forceserver as fs
 import numpy as np
 import pytest
-from rig import eventually, patience, testbed
+from rig import Rig, eventually, patience, testbed
 from virtualrobot.ground import Ground, width
 from virtualrobot.manipulator import Manipulator
 from virtualrobot.robot import map_scale
@@ -292,6 +292,27 @@ def test_the_ground_is_felt_without_a_jump(ground, tmp_path):
         # The hand goes on by some 25 um a tick, up and down over the bumps by more: 400 N/m.
         assert step.max() < 0.1, (step.max(), np.quantile(step, 0.999))
         viz.close()
+
+
+def test_a_border_is_drawn_around_the_rover(ground, tmp_path):
+    """The hand feels it softly: when it is drawn, when it is changed, when it is taken away. The rover goes on."""
+    with Rig(tmp_path, [(0, 0.02, 0, 0.004)], "map") as rig:
+        hazards = Hazards(rig.scene, ground)
+        square = np.array([(-5, -4), (7, -4), (7, 4), (-5, 4)])  # m; the hand is at (6, 0)
+        forces, edits = [], {
+            100: lambda: hazards.put("hazard 1", square),
+            200: lambda: hazards.put("hazard 1", square + [0.3, 0]),
+            300: lambda: hazards.change("hazard 1", 5, 2),
+            400: lambda: hazards.remove("hazard 1"),
+        }  # fmt: skip
+        for frame, _ in enumerate(rig.run(20)):
+            forces.append(rig.felt())
+            edits.get(frame, lambda: None)()
+        sizes = [np.linalg.norm(forces[frame][-1]) for frame in (99, 199, 399, 499)]
+        assert sizes[0] < 0.2 and sizes[1] > 1 and 0.5 < sizes[2] < 2.2 and sizes[3] < 0.2, sizes
+        step = np.linalg.norm(np.diff(np.concatenate(forces), axis=0), axis=1)
+        assert step[1000:].max() < 0.05, step.max()
+        assert rig.robot.driven > 4 and not rig.said
 
 
 def test_it_follows_a_rover(lab, ground):
