@@ -5,9 +5,15 @@
 
 from __future__ import annotations
 
+import functools
+import os
+import shutil
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 import forceserver as fs
 import numpy as np
@@ -21,8 +27,9 @@ from virtualrobot.manipulator import Manipulator
 from virtualrobot.robot import Robot, period
 from viz.app import Viz
 from viz.picture import Picture
+from viz.show import Show
 
-curve = [(0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, 0.02, 0), (8, 0.03, -0.02, 0), (12, -0.02, 0.01, 0), (16, 0.03, 0, 0)]
+curve: list[tuple[float, float, float, float]] = [(0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, 0.02, 0), (8, 0.03, -0.02, 0), (12, -0.02, 0.01, 0), (16, 0.03, 0, 0)]
 
 
 def spread(values: list[float]) -> str:
@@ -69,17 +76,14 @@ def over_ground() -> list[tuple[float, float, float, float]]:
 
 def measure_steps() -> None:
     print("steps of the force from tick to tick")
-    twist = virtualrobot.robot.twist_between
+    path = over_ground()
     for name, blend in (("", 0.0), (" without blend", -1.0)):
         print(f"  wheels, pose and twist{name}: {steps_of(curve, 'drive', blend, 16)}")
-        virtualrobot.robot.twist_between = without_twist
-        print(f"  wheels, pose only{name}: {steps_of(curve, 'drive', blend, 16)}")
-        virtualrobot.robot.twist_between = twist
-        path = over_ground()
+        with patch.object(virtualrobot.robot, "twist_between", without_twist):
+            print(f"  wheels, pose only{name}: {steps_of(curve, 'drive', blend, 16)}")
         print(f"  ground always there{name}: {steps_of(path, 'arm', blend, 9)}")
-        rig.Manipulator = Switched
-        print(f"  ground switched{name}: {steps_of(path, 'arm', blend, 9)}")
-        rig.Manipulator = Manipulator
+        with patch.object(rig, "Manipulator", Switched):
+            print(f"  ground switched{name}: {steps_of(path, 'arm', blend, 9)}")
 
 
 def measure_frames() -> None:
@@ -102,6 +106,7 @@ def measure_delay() -> None:
     path = [(0, *at_device((0.6, -0.3, 0))), (1, *at_device((0.6, -0.3, 0))), (5, *at_device((0.6, 0.3, 0)))]
     with tempfile.TemporaryDirectory() as folder, Rig(Path(folder), path, "arm") as one:
         times, hands, tips = [], [], []
+        assert isinstance(one.robot, Manipulator)
         for hand in one.run(5):
             times.append(one.scene.time)
             hands.append(hand.state.pose.position[1])
@@ -117,13 +122,14 @@ def measure_viz() -> None:
     ground = Ground()
     picture = Picture(ground, off_screen=True)
     with fs.Scene() as scene, fs.Servo(scene, "sim:?path=figure8"):
-        viz = Viz(scene, scene, ground)
+        viz = Viz(scene, ground)
+        show = Show(viz, picture, None)
         viz.draw_hazard(None, np.array([(-10, -8), (6, -9), (5, 6), (-4, 7)]))
         spent = []
         for k in range(30):
             picture.plotter.camera.azimuth = k
             begin = time.perf_counter()
-            viz.show(picture)
+            show.update()
             picture.plotter.render()
             spent.append(1e3 * (time.perf_counter() - begin))
         viz.close()
@@ -131,8 +137,37 @@ def measure_viz() -> None:
     print(f"a picture of {picture.ground.n_cells} triangles: {spread(spent)} ms")
 
 
+def is_felt(watcher: fs.Scene, name: str) -> bool:
+    return any(client["name"] == name and np.linalg.norm(client["wrench"]["force"]) > 0.01 for client in watcher.get_clients())
+
+
+def measure_start() -> None:
+    """From the start of a program to the first force that the hand feels of it, beside a server that runs."""
+    endpoint, folder = f"testbed-measure-{os.getpid()}", rig.testbed
+    device = "sim:?hold=-0.05,0.0425,0.006"  # beside a hazard
+    server = subprocess.Popen([Path(sys.executable).with_name("forceserver"), "run", "--listen", endpoint, "--device", device],
+                              stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)  # fmt: skip
+    with fs.connect(f"shm:{endpoint}?timeout=30", "watcher") as watcher, tempfile.TemporaryDirectory() as out:
+        hazards = Path(out) / "hazards.json"
+        shutil.copy(folder / "hazards.json", hazards)
+        for name, words in (("rover", ["virtualrobot", "--mode", "map"]), ("viz", ["viz", "--hazards", hazards, "--off-screen", f"{out}/viz.png"])):
+            seconds = []
+            for _ in range(3):
+                begin = time.perf_counter()
+                command = [sys.executable, "-B", "-W", "ignore", "-m", words[0], f"shm:{endpoint}", *words[1:]]
+                process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
+                rig.eventually(functools.partial(is_felt, watcher, name))
+                seconds.append(time.perf_counter() - begin)
+                process.terminate()
+                process.wait()
+            print(f"from the start of {words[0]} to its first force: {spread(seconds)} s")
+    server.terminate()
+    server.wait()
+
+
 if __name__ == "__main__":
     measure_frames()
     measure_delay()
     measure_viz()
+    measure_start()
     measure_steps()

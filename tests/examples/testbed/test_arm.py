@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import forceserver as fs
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 import shapely
