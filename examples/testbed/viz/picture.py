@@ -99,6 +99,7 @@ class Picture:
         self.curves: dict[str, Any] = {}
         self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
         self.words.prop.background_color, self.words.prop.background_opacity = "white", 0.7
+        self.plotter.add_axes(xlabel="east", ylabel="north", zlabel="", viewport=(0.86, 0.8, 1, 1))
         self.plotter.camera_position = [(0, -1.8 * ground.half[1], 1.9 * ground.half[1]), (0, -0.1 * ground.half[1], 0), (0, 0, 1)]
         if is_near:
             self.plotter.camera_position = [(2.4, -2.8, 2.2), (0.5, 0, 0.3), (0, 0, 1)]
@@ -179,6 +180,13 @@ class Picture:
         raised = np.concatenate([points, points[:1]]) + [0, 0, 0.05]
         line = pv.lines_from_points(raised)
         self.lines[name] = self.plotter.add_mesh(line, color=colour, line_width=4, name=f"line {name}", render=False)
+
+    def show_reach(self, name: str, lines: list[Array]) -> None:
+        """Up to where a border pushes, as thin lines; none takes them away."""
+        self.plotter.remove_actor(f"reach {name}", render=False)
+        if lines:
+            whole = pv.merge([pv.lines_from_points(line + [0, 0, 0.05]) for line in lines])
+            self.plotter.add_mesh(whole, color="white", opacity=0.5, line_width=1, name=f"reach {name}", render=False)
 
     def show_words(self, text: str) -> None:
         self.words.SetText(2, text)

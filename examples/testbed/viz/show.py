@@ -8,9 +8,11 @@ from typing import Any
 
 import forceserver as fs
 import numpy as np
+import shapely
 from virtualrobot.ground import Array
 
 from .app import Viz
+from .hazards import width_of
 from .picture import Picture, transform
 
 parts_of_arm = ("shoulder", "elbow", "wrist", "tip")
@@ -156,6 +158,22 @@ class Show:
                 points = self.viz.scale * (points @ whole[:3, :3].T + whole[:3, 3]) + self.viz.offset
             self.borders[name] = revision
             self.picture.show_line(name, points, own_colour if is_own else self.picture.colour_of(client or ""))
+            if is_own:
+                self.picture.show_reach(name, self._reach_of(name, points))
         for name in self.borders.keys() - seen:
             del self.borders[name]
             self.picture.show_line(name, None, "")
+            self.picture.show_reach(name, [])
+
+    def _reach_of(self, name: str, border: Array) -> list[Array]:
+        """How far one of VIZ's own borders pushes, to both sides: closed lines on the ground. border: m on the map."""
+        try:
+            width = width_of(self.seen.object_get(name).front)
+        except fs.Error:
+            return []  # it has just gone
+        if width <= 0:
+            return []
+        area = shapely.LinearRing(border[:, :2]).buffer(width).segmentize(0.6)
+        half, ground = self.viz.ground.half, self.viz.ground
+        rings = [np.clip(shapely.get_coordinates(ring), -half, half) for ring in (area.exterior, *area.interiors)]
+        return [np.array([[x, y, ground.height(x, y)] for x, y in ring]) for ring in rings]

@@ -15,6 +15,7 @@ from pathlib import Path
 import forceserver as fs
 import numpy as np
 import pytest
+import shapely
 from rig import Rig, eventually, patience, testbed
 from virtualrobot.ground import Ground, width
 from virtualrobot.manipulator import Manipulator
@@ -198,13 +199,17 @@ def test_drawn_with_the_mouse_seen_and_felt(lab, ground, picture):
 
         show.update()
         assert picture.colours_seen() > 1000
+        # What is shown of its reach is its width from the border: 3 m.
+        shown = np.asarray(picture.plotter.actors["reach hazard 1"].mapper.dataset.points)
+        at = shapely.LinearRing(np.asarray(scene["hazard 1"].shape.get_points())[:, :2])
+        assert np.allclose(shapely.distance(at, shapely.points(shown[:, :2])), 3, atol=0.05)
         # Another client removes it: its border goes, too.
         scene.sync(30)
         other.object_remove("viz/hazard 1")
         eventually(lambda: viz.tell_events() or not drawing.borders)
         assert viz.hazards.newest is None
         show.update()
-        assert not picture.lines
+        assert not picture.lines and not [name for name in picture.plotter.actors if "reach" in name]
         viz.close()
 
 
