@@ -13,7 +13,7 @@ import forceserver as fs
 
 from .ground import BadTerrain, terrain_file
 from .pace import Pace
-from .recording import Recorder, make_robot
+from .recording import Recorder, make_robot, modes
 from .robot import period
 from .world import World
 
@@ -28,7 +28,7 @@ def say(text: str) -> None:
 def options(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="virtualrobot", description=__doc__)
     parser.add_argument("endpoint", metavar="ENDPOINT", help="of the server, such as shm:lab")
-    parser.add_argument("--mode", choices=("drive", "map", "arm"), default="drive",
+    parser.add_argument("--mode", choices=modes, default="drive",
                         help="what the hand is: a joystick; the place on the map where the rover shall go; the tip of the arm")  # fmt: skip
     parser.add_argument("--name", default="rover", help="of the client (%(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="writes what the hand and the rover do (recording.py)")
@@ -48,6 +48,8 @@ def tell_events(scene: fs.Scene) -> None:
             raise ConnectionError("the server has gone")
         if event.kind == fs.EventKind.REFUSED:
             say(f"the server does not take {event.name}: {event.text}")
+        if event.kind == fs.EventKind.EDITED:
+            say(f"{event.name} was {'edited' if event.name in scene else 'removed'} by {event.text}")
         if event.kind == fs.EventKind.DEVICE:
             say(f"the device {event.name} is ready" if event.status == 0 else f"no force from the device {event.name}: {event.text}")
 

@@ -35,6 +35,7 @@ class Arm:
         parts = [self.model.body("forearm"), self.model.body("scoop"), self.model.site("tip")]
         self.lengths = np.array([float(part.pos[0]) for part in parts])  # m
         self.targets = np.array([self.data.ctrl[i] for i in self.motors])
+        self.wanted = self.targets  # the joints where the tip is at the hand
         grids = np.meshgrid(*[np.linspace(low, high, 12) for low, high in self.range[1:]])
         self.postures = np.stack([grid.ravel() for grid in grids], axis=1)  # of shoulder, elbow and wrist
         self.posture_tips = np.array([self._in_plane(np.array([0, *posture])) for posture in self.postures])
@@ -119,20 +120,21 @@ class Arm:
     def reach_for(self, place: Array, seconds: float) -> None:
         """Lets the motors bring the tip there: the targets of the joints go on by at most 1.5 rad/s."""
         most = 1.5 * seconds
-        self.targets += np.clip(self.solve(place) - self.targets, -most, most)
+        self.wanted = self.solve(place)
+        self.targets += np.clip(self.wanted - self.targets, -most, most)
         for i, target in zip(self.motors, self.targets, strict=True):
             self.data.ctrl[i] = target
 
     # ------------------------------------------------------------------------------------------------------- stiffness
 
     def stiffness_along(self, n: Array) -> float:
-        """N/m, of the motors against a push on the tip along n (in the arm's axes, of length 1)."""
-        by_joint = self.jacobian_of(self.data.qpos[self.addresses]).T @ n  # N m for a push of 1 N
+        """N/m, of the motors against a push on the tip along n (in the arm's axes, of length 1), where the tip is at the hand."""
+        by_joint = self.jacobian_of(self.wanted).T @ n  # N m for a push of 1 N
         return float(1 / (by_joint**2 / self.gains).sum())
 
     def most_along(self, n: Array) -> float:
         """N, that the motors can bear there."""
-        by_joint = np.abs(self.jacobian_of(self.data.qpos[self.addresses]).T @ n)
+        by_joint = np.abs(self.jacobian_of(self.wanted).T @ n)
         return float(np.min(self.torques / np.maximum(by_joint, 1e-3)))
 
     def contact_along(self, n: Array) -> float:

@@ -1,7 +1,7 @@
 """The arm as force-objects: its tip follows the hand, which feels how far it reaches, the ground and the rocks.
 
 The scene is in the axes of the rover, with the origin at the shoulder. Nothing in it is switched on or off: the ground below the
-tip is always there, and only a hand that goes below it feels it.
+hand is always there, and only a hand that goes below it feels it.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import numpy as np
 
 from .arm import Arm
 from .ground import Array
-from .robot import Place, as_pose, period, twist_between
+from .robot import Place, as_pose, is_held, move, period
 from .world import World, product
 
 arm_scale, arm_force_scale = 12.0, 0.05  # m of the arm for a metre of the hand; N at the hand for a newton at the tip
 home = (0.6, 0.0, -0.25)  # m, from the shoulder: where the hand is at the origin of the device
 stiffness, limit = 500.0, 60.0  # N/m and N at the tip: of the envelope and the rocks
-small_change = 0.05  # of the ground's stiffness: less does not matter
+small_change = 0.02  # of the ground's stiffness: less does not matter
 
 
 def across(normal: Array) -> Array:
@@ -33,6 +33,7 @@ class Manipulator:
 
     def __init__(self, scene: fs.Scene, world: World) -> None:
         self.scene, self.world, self.arm = scene, world, Arm(world)
+        self.over = self.arm.place  # m: where the hand will be at the end of the frame
         world.steer(0, 0)
         self.places = self._places()
         frame = fs.Frame(pose=fs.Pose(position=-np.array(home) / arm_scale), scale=arm_scale, force_scale=arm_force_scale)
@@ -55,10 +56,10 @@ class Manipulator:
         return fs.LinearIncreasing(self.ground_law[0], limit=self.ground_law[1])
 
     def _below(self) -> tuple[Array, Array]:
-        """The place on the ground below the tip and the normal there, in the arm's axes; the tip is a ball."""
-        tip = self.arm.to_world(self.arm.place)
-        normal = self.world.ground.normal(tip[0], tip[1], 0.1)
-        ground = np.array([tip[0], tip[1], self.world.ground.height(tip[0], tip[1])]) + self.arm.radius * normal
+        """The place on the ground below the hand and the normal there, in the arm's axes; the tip is a ball."""
+        x, y, _ = self.arm.to_world(self.over)
+        normal = self.world.ground.normal(x, y, self.arm.radius)
+        ground = np.array([x, y, self.world.ground.height(x, y)]) + self.arm.radius * normal
         return self.arm.to_arm(ground), normal @ self.arm.axes
 
     def _ground_law(self) -> tuple[float, float]:
@@ -79,15 +80,23 @@ class Manipulator:
 
     def frame(self, hand: fs.Hand, time: float) -> str | None:
         """A frame that begins at `time` (s, on the scene's clock). The tip goes where the hand is, or where the solids hold it."""
-        if hand.state.flags & fs.StateFlags.READY and not hand.state.flags & fs.StateFlags.CLUTCHED:
+        if is_held(hand.state, time):
             self.arm.reach_for(np.asarray(hand.response.proxy.position), period)
+            self.over = np.asarray(hand.state.pose.position) + period * np.asarray(hand.state.twist.linear)
         self.world.step(round(period / self.world.model.opt.timestep))
         before, self.places = self.places, self._places()
         law = self._ground_law()
+        is_new = any(abs(new - old) > small_change * old for new, old in zip(law, self.ground_law, strict=True))
         with self.scene.change():
-            if any(abs(new - old) > small_change * old for new, old in zip(law, self.ground_law, strict=True)):
+            # Only while it is not felt: who goes in where it is soft, and out where it is stiff, would gain energy.
+            if is_new and self._is_above(hand, before["ground"]) and "ground" in self.scene:
                 self.ground_law = law
                 self.scene["ground"].back = self._profile()
-            for name, place in before.items():
-                self.scene.object_move(name, as_pose(place), twist_between(place, self.places[name]), time)
+            move(self.scene, {name: (place, self.places[name]) for name, place in before.items()}, time)
         return None
+
+    def _is_above(self, hand: fs.Hand, ground: Place) -> bool:
+        """Whether the hand is above the plane of the ground, where it feels nothing of it."""
+        normal = np.zeros(3)
+        mujoco.mju_rotVecQuat(normal, np.array([0.0, 0, 1]), ground[1])
+        return float(normal @ (np.asarray(hand.state.pose.position) - ground[0])) > 0

@@ -14,6 +14,7 @@ from typing import Any, TextIO
 
 import forceserver as fs
 import mujoco  # type: ignore[import-untyped]
+import numpy as np
 
 from .ground import BadTerrain
 from .manipulator import Manipulator
@@ -21,6 +22,7 @@ from .robot import Robot
 from .world import World
 
 
+modes = ("drive", "map", "arm")
 versions = {"mujoco": mujoco.__version__, "forceserver": fs.__version__}
 
 
@@ -31,7 +33,7 @@ def make_robot(scene: fs.Scene, world: World, mode: str) -> Robot | Manipulator:
 def _of_hand(hand: fs.Hand) -> dict[str, Any]:
     """What moves the rover; m, in its scene."""
     places = {"hand": hand.state.pose.position, "proxy": hand.response.proxy.position}
-    return {"flags": int(hand.state.flags)} | {name: [float(x) for x in place] for name, place in places.items()}
+    return {"flags": int(hand.state.flags), "hand_time": float(hand.state.time)} | {name: [float(x) for x in place] for name, place in places.items()}
 
 
 def _of_world(world: World) -> dict[str, Any]:
@@ -61,6 +63,8 @@ def replay(path: Path) -> tuple[int, int | None]:
         for name, version in versions.items():
             if head[name] != version:
                 print(f"it was recorded with {name} {head[name]}; this is {version}", file=sys.stderr)
+        if head["mode"] not in modes:
+            raise ValueError(f"the mode is {head['mode']!r}")
         world = World(Path(head["terrain"]))
         robot = make_robot(scene, world, head["mode"])
         count = 0
@@ -68,7 +72,9 @@ def replay(path: Path) -> tuple[int, int | None]:
             if not line.endswith("\n"):
                 break  # the program was killed while it wrote
             frame = json.loads(line)
-            state = fs.State(pose=fs.Pose(position=frame["hand"]), flags=frame["flags"])
+            if not np.isfinite([*frame["hand"], *frame["proxy"], frame["hand_time"], frame["time"]]).all():
+                raise ValueError(f"the hand of frame {count} is nowhere")
+            state = fs.State(pose=fs.Pose(position=frame["hand"]), time=frame["hand_time"], flags=frame["flags"])
             hand = fs.Hand(state, fs.Response(proxy=fs.Pose(position=frame["proxy"])), fs.Wrench())
             robot.frame(hand, frame["time"])
             if _of_world(world) != {name: frame[name] for name in ("rover", "joints")}:
@@ -83,7 +89,7 @@ def main() -> int:
         return 2
     try:
         count, differs = replay(Path(sys.argv[1]))
-    except (OSError, ValueError, KeyError, TypeError, BadTerrain) as failure:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError, BadTerrain) as failure:
         print(f"{sys.argv[1]}: this is no recording: {failure}", file=sys.stderr)
         return 1
     print(f"{count} frames, all with the same bits" if differs is None else f"frame {differs} differs")

@@ -27,6 +27,7 @@ joystick_scale = 20.0  # m of the scene in drive mode for a metre of the hand
 map_scale = 300.0  # the same in map mode: 60 m are 0.2 m of the hand
 free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, and from where it is at its fastest
 arrived = 0.4  # m, from the goal
+lost_after = 0.1  # s: so old is the place of a hand that is lost
 
 Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
 
@@ -67,6 +68,11 @@ def orientation_of_plane(rover: Array) -> Array:
     return product(rover, np.array([math.sqrt(0.5), math.sqrt(0.5), 0, 0]))
 
 
+def is_held(hand: fs.State, time: float) -> bool:
+    """Whether somebody holds the device, and it is known where."""
+    return bool(hand.flags & fs.StateFlags.READY) and not hand.flags & fs.StateFlags.CLUTCHED and time - hand.time < lost_after
+
+
 def as_pose(place: Place) -> fs.Pose:
     return fs.Pose(position=place[0], orientation=place[1])
 
@@ -76,6 +82,15 @@ def twist_between(a: Place, b: Place) -> fs.Twist:
     angular = np.zeros(3)
     mujoco.mju_quat2Vel(angular, product(b[1], a[1] * [1, -1, -1, -1]), period)
     return fs.Twist(linear=(b[0] - a[0]) / period, angular=angular)
+
+
+def move(scene: fs.Scene, moves: dict[str, tuple[Place, Place]], time: float) -> None:
+    """Where each object is at `time` (s), and where it will be a frame later."""
+    for name, (begin, end) in moves.items():
+        try:
+            scene.object_move(name, as_pose(begin), twist_between(begin, end), time)
+        except KeyError:
+            continue  # another client has removed it
 
 
 class Robot:
@@ -94,7 +109,10 @@ class Robot:
         self.trouble: Trouble | None = None  # until the rover is put back
         self.good_places: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
         self.waited = self.driven = 0.0  # s since it last moved 0.5 m; m
+        self.last: float | None = None  # s, when the last frame began
+        self.is_silent = False  # nothing has been heard of the hand for too long
         self.moved_from = world.position
+        self.was_put = False  # in the last frame
         self.parts = world.parts()
         scene.set_frame(fs.Frame(scale=self.scale))
         with scene.change():
@@ -115,44 +133,54 @@ class Robot:
     def frame(self, hand: fs.Hand, time: float) -> str | None:
         """A frame that begins at `time` (s, on the scene's clock). Gives what is to be said."""
         before = self.parts
-        self._go(self._wanted(hand.state) if self.trouble is None else Wish())
-        said = self._look()
+        passed = period if self.last is None else max(period, time - self.last)
+        self.last = time
+        self._go(self._wanted(hand.state, time) if self.trouble is None else Wish(), passed)
+        said = self._look(passed) or self._listen(hand.state, time)
         self.parts = self.world.parts()
-        was_put = said is not None and self.trouble is None
-        self._show(self.parts if was_put else before, time)
+        self._show(self.parts if self.was_put else before, time)
         return said
 
-    def _wanted(self, hand: fs.State) -> Wish:
-        if not hand.flags & fs.StateFlags.READY or hand.flags & fs.StateFlags.CLUTCHED:
+    def _listen(self, hand: fs.State, time: float) -> str | None:
+        was_silent, self.is_silent = self.is_silent, bool(hand.flags & fs.StateFlags.READY) and time - hand.time >= lost_after
+        if self.is_silent == was_silent:
+            return None
+        return "it stands: nothing is heard of the hand" if self.is_silent else "the hand is there again"
+
+    def _wanted(self, hand: fs.State, time: float) -> Wish:
+        if not is_held(hand, time):
             return Wish()
         position = np.asarray(hand.pose.position)
         if self.mode == "drive":
             return wish_of_joystick(position / self.scale, self.world.axes)
         return wish_of_goal(position, self.world.position, self.world.axes)
 
-    def _go(self, wanted: Wish) -> None:
-        """Steers, and lets a frame of the physics go by. It brakes five times as quickly as it speeds up: from any speed in 0.2 s."""
-        most = quickest * period
+    def _go(self, wanted: Wish, passed: float) -> None:
+        """Steers, and lets a frame of the physics go by. It brakes five times as quickly as it speeds up: from any speed in 0.2 s.
+        passed: s since the last frame."""
+        most, brake = quickest * period, 5 * quickest * passed
         before = self.wish.speed
         brakes = abs(wanted.speed) < abs(before) or wanted.speed * before < 0
         target = wanted.speed if wanted.speed * before >= 0 else 0.0  # the other way only from a stand
-        speed = before + float(np.clip(target - before, *((-5 * most, 5 * most) if brakes else (-most, most))))
+        speed = before + float(np.clip(target - before, *((-brake, brake) if brakes else (-most, most))))
         curvature = self.wish.curvature + float(np.clip(wanted.curvature - self.wish.curvature, -most, most))
         self.wish = Wish(speed, curvature)
         self.world.steer(*self.wish)
         self.world.step(round(period / self.world.model.opt.timestep))
 
-    def _look(self) -> str | None:
+    def _look(self, passed: float) -> str | None:
         """Ends the force while the rover is in trouble, and puts it back. Gives what is to be said."""
+        self.was_put = False
         if self.trouble is not None:
-            self.strength = max(0.0, self.strength - period / 0.5)
+            self.strength = max(0.0, self.strength - passed / 0.5)
             if self.strength > 0:
                 return None
-            place = self._back(self.trouble.metres)
-            self.world.put(*place)
+            self._put_back(self.trouble.metres)
             self.trouble, self.wish, self.waited, self.moved_from = None, Wish(), 0.0, self.world.position
-            return f"it is put back to {place[0]:.1f} m east, {place[1]:.1f} m north"
-        self.strength = min(1.0, self.strength + period / 0.5)
+            self.was_put = True
+            x, y, _ = self.world.position
+            return f"it is put back to {x:.1f} m east, {y:.1f} m north"
+        self.strength = min(1.0, self.strength + passed / 0.5)
         self.trouble = self._new_trouble()
         return None if self.trouble is None else self.trouble.why
 
@@ -171,21 +199,22 @@ class Robot:
                 self.good_places.append((float(x), float(y), self.world.heading))
         return Trouble("the rover is stuck", 3.0) if self.waited > 8.0 else None
 
-    def _back(self, metres: float) -> tuple[float, float, float]:
-        """The newest place of its way that is at least so far away; the middle of the map where there is none."""
+    def _put_back(self, metres: float) -> None:
+        """To the newest place of its way that is at least so far away, and where it stands; else to the middle of the map."""
         here = self.world.position[:2]
         while self.good_places:
             place = self.good_places.pop()
             if np.linalg.norm(here - place[:2]) >= metres:
-                return place
-        return 0.0, 0.0, 0.0
+                self.world.put(*place)
+                if self.world.axes[2, 2] > 0.8:
+                    return
+        self.world.put(0, 0, 0)
 
     def _show(self, now: dict[str, Place], time: float) -> None:
         """Where all is at the beginning of the frame, and how it moves until its end."""
         with self.scene.change():
-            if self.strength != self.shown_strength:
+            if self.strength != self.shown_strength and "wheels" in self.scene:
                 self.scene["wheels"].change(front=self._profile(), back=self._profile())
                 self.shown_strength = self.strength
-            moves = {"wheels": (self._plane(now), self._plane(self.parts))} | {name: (now[name], self.parts[name]) for name in now}
-            for name, (begin, end) in moves.items():
-                self.scene.object_move(name, as_pose(begin), twist_between(begin, end), time)
+            of_parts = {name: (now[name], self.parts[name]) for name in now}
+            move(self.scene, {"wheels": (self._plane(now), self._plane(self.parts))} | of_parts, time)

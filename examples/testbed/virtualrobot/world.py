@@ -70,12 +70,12 @@ class World:
         left = np.cross(up, ahead)
         left /= np.linalg.norm(left)
         axes = np.stack([np.cross(left, up), left, up], axis=1)
-        self.data.qpos[:3] = np.array([x, y, self.ground.height(x, y)]) + 0.6 * up
+        self.data.qpos[:3] = [x, y, self.ground.height(x, y) + 1]
         mujoco.mju_mat2Quat(self.data.qpos[3:7], axes.ravel())
         for joint in ("azimuth", "shoulder", "elbow", "wrist"):
             self.data.joint(joint).qpos = self.data.actuator(joint).ctrl
         self.steer(0, 0)
-        self.step(500)
+        self.step(700)
         self.data.time = time
 
     def steer(self, speed: float, curvature: float) -> None:

@@ -96,7 +96,7 @@ def measure_frames() -> None:
         for k in range(500):
             place = [8, 3, 0] if mode == "map" else [0.6, 0.1, 0.1]
             begin = time.process_time()
-            robot.frame(rig.hand_at(place), (k + 1) * period)
+            robot.frame(rig.hand_at(place, (k + 1) * period), (k + 1) * period)
             spent.append(1e3 * (time.process_time() - begin))
         print(f"a frame in mode {mode}: {spread(spent)} ms of processor time; made in {first:.2f} s")
 

@@ -29,26 +29,29 @@ def eventually(f: Callable[[], object]) -> object:
     return value
 
 
-def hand_at(position, *, flags: int = fs.StateFlags.READY) -> fs.Hand:
-    """A hand in the scene, without a device."""
+def hand_at(position, time: float, *, flags: int = fs.StateFlags.READY) -> fs.Hand:
+    """A hand in the scene at a time (s), without a device."""
     pose = fs.Pose(position=position)
-    return fs.Hand(fs.State(pose=pose, flags=flags), fs.Response(proxy=pose), fs.Wrench())
+    return fs.Hand(fs.State(pose=pose, time=time, flags=flags), fs.Response(proxy=pose), fs.Wrench())
 
 
 class Rig:
     """A simulated hand on a path (t, x, y, z: s, m at the device), and what it feels of the robot."""
 
-    def __init__(self, folder: Path, path: list[tuple[float, float, float, float]], mode: str, *, hand: str = "firm", blend: float = 0) -> None:
+    def __init__(self, folder: Path, path: list[tuple[float, float, float, float]], mode: str, *, hand: str = "firm", blend: float = 0,
+                 place: tuple[float, float, float] = (0, 0, 0)) -> None:  # fmt: skip
         file = folder / "path.txt"
         file.write_text("".join(f"{t} {x} {y} {z}\n" for t, x, y, z in path))
         self.world = World()
+        if any(place):
+            self.world.put(*place)
         self.scene = fs.Scene()
         self.robot = Manipulator(self.scene, self.world) if mode == "arm" else Robot(self.scene, self.world, mode)
         self.device = fs.Device(f"sim:?hand={hand}&friction=0&encoder=ideal&path={file}")
         self.servo = fs.Servo(self.scene, self.device, mode="virtual", blend=blend)
         self.servo.step(1)
         self.said: list[str] = []
-        self._last = 0
+        self.last = 0
 
     def __enter__(self) -> Rig:
         return self
@@ -68,8 +71,8 @@ class Rig:
 
     def felt(self) -> np.ndarray:
         """The forces of the scene at each tick since the last call, N at the device, shape (n, 3)."""
-        ticks = self.scene.get_record(self._last)
-        self._last = int(ticks["number"][-1]) if len(ticks) else self._last
+        ticks = self.scene.get_record(self.last)
+        self.last = int(ticks["number"][-1]) if len(ticks) else self.last
         return np.array(np.asarray(ticks["tick"]["response"]["wrench"]["force"]), dtype=float).reshape(len(ticks), -1)
 
 

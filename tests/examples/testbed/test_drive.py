@@ -60,7 +60,7 @@ def test_ten_goals():
         begin = time
         while np.linalg.norm(world.position[:2] - goal[:2]) > 0.5:
             time += period
-            assert robot.frame(hand_at(goal), time) is None
+            assert robot.frame(hand_at(goal, time), time) is None
             assert time - begin < 120
     assert robot.driven > 150
 
@@ -96,10 +96,10 @@ def test_without_a_hand_it_stops(flags):
     world = World()
     robot = Robot(fs.Scene(), world, "drive")
     for k in range(100):
-        robot.frame(hand_at([1, 0, 0]), (k + 1) * period)
+        robot.frame(hand_at([1, 0, 0], (k + 1) * period), (k + 1) * period)
     assert world.twist[0] @ world.axes[:, 0] > 0.6
     for k in range(5):  # 0.2 s
-        robot.frame(hand_at([1, 0, 0], flags=flags), 4.04 + k * period)
+        robot.frame(hand_at([1, 0, 0], 4.04 + k * period, flags=flags), 4.04 + k * period)
     assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
 
 
@@ -109,7 +109,7 @@ def test_speed_changes_alike_in_both_directions():
         ahead = robot.world.axes[:, 0]
         speeds = []
         for k in range(60):
-            robot.frame(hand_at(np.array([1.0 if k < 40 else -1.0]) * sign * ahead), (k + 1) * period)
+            robot.frame(hand_at(np.array([1.0 if k < 40 else -1.0]) * sign * ahead, (k + 1) * period), (k + 1) * period)
             speeds.append(sign * robot.wish.speed)
         step = np.diff([0, *speeds])
         assert step[:20] == pytest.approx([0.04] * 20) and step.min() == pytest.approx(-0.2)
@@ -130,7 +130,7 @@ def test_a_hand_that_jumps_turns_nothing_over():
     world, random = World(), np.random.default_rng(5)
     robot = Robot(fs.Scene(), world, "drive")
     for k in range(500):
-        robot.frame(hand_at(random.uniform(-2, 2, 3)), (k + 1) * period)
+        robot.frame(hand_at(random.uniform(-2, 2, 3), (k + 1) * period), (k + 1) * period)
         assert world.axes[2, 2] > 0.6
 
 
@@ -139,7 +139,7 @@ def in_trouble(robot: Robot, hand: list[float], patience: float) -> list[str]:
     said = []
     for k in range(round(patience / period)):
         strength = robot.strength
-        text = robot.frame(hand_at(hand), (k + 1) * period)
+        text = robot.frame(hand_at(hand, (k + 1) * period), (k + 1) * period)
         assert abs(robot.strength - strength) < 0.1
         if text:
             said.append(text)
@@ -152,7 +152,7 @@ def test_on_its_back():
     world = World()
     robot = Robot(fs.Scene(), world, "map")
     for k in range(300):
-        robot.frame(hand_at([8, 0, 0]), (k + 1) * period)
+        robot.frame(hand_at([8, 0, 0], (k + 1) * period), (k + 1) * period)
     world.data.qpos[3:7] = [0, 1, 0, 0]
     world.data.qpos[2] += 0.3
     said = in_trouble(robot, [8, 0, 0], 5)
