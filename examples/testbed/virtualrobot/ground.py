@@ -88,11 +88,14 @@ class Ground:
         n = np.array([-east, -north, 2 * spread])
         return np.array(n / np.linalg.norm(n))
 
-    def mesh(self) -> tuple[Array, NDArray[np.int32]]:
-        """The ground as points and triangles, whose fronts are above."""
-        rows, columns = self.grid.shape
-        x, y = np.meshgrid(np.linspace(-self.half[0], self.half[0], columns), np.linspace(-self.half[1], self.half[1], rows))
-        points = np.stack([x, y, relief * self.grid], axis=-1).reshape(-1, 3)
+    def mesh(self, middle: Array | None = None, reach: float = math.inf) -> tuple[Array, NDArray[np.int32]]:
+        """The ground as points and triangles, whose fronts are above. middle: x, y, only around it as far as `reach`, m."""
+        at = np.zeros(2) if middle is None else middle[:2]
+        axes = [np.linspace(-half, half, count) for half, count in zip(self.half, self.grid.shape[::-1], strict=True)]
+        columns_of, rows_of = (np.flatnonzero(np.abs(axis - place) <= reach) for axis, place in zip(axes, at, strict=True))
+        x, y = np.meshgrid(axes[0][columns_of], axes[1][rows_of])
+        points = np.stack([x, y, relief * self.grid[np.ix_(rows_of, columns_of)]], axis=-1).reshape(-1, 3)
+        rows, columns = x.shape
         a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
         b, c, d = a + 1, a + columns, a + columns + 1
         return points, np.stack([a, b, d, a, d, c], axis=1).reshape(-1, 3).astype(np.int32)

@@ -99,7 +99,7 @@ class Picture:
         self.curves: dict[str, Any] = {}
         self.words = self.plotter.add_text("", position="upper_left", font_size=9, name="words")
         self.words.prop.background_color, self.words.prop.background_opacity = "white", 0.7
-        self.plotter.add_axes(xlabel="east", ylabel="north", zlabel="", viewport=(0.86, 0.8, 1, 1))
+        self.plotter.renderer.add_axes(xlabel="east", ylabel="north", zlabel="", viewport=(0.86, 0.8, 1, 1))
         self.plotter.camera_position = [(0, -1.8 * ground.half[1], 1.9 * ground.half[1]), (0, -0.1 * ground.half[1], 0), (0, 0, 1)]
         if is_near:
             self.plotter.camera_position = [(2.4, -2.8, 2.2), (0.5, 0, 0.3), (0, 0, 1)]

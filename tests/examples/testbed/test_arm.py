@@ -141,7 +141,7 @@ def test_the_ground_pushes_as_in_the_physics(tmp_path, place):
                 if k * period > 4:
                     felt.append(np.linalg.norm(hand.response.wrench.force))  # N in the scene
                     contact.append(pressed(rig))
-            assert 5 < np.mean(contact) < rig.robot.ground_law[1]
+            assert 5 < np.mean(contact) < rig.robot.touch[1]
             assert np.mean(felt) == pytest.approx(np.mean(contact), rel=0.2), (felt[-1], contact[-1])
 
 
@@ -150,17 +150,19 @@ def test_nothing_is_felt_above_the_ground(tmp_path):
     place = places[0]
     world = World()
     world.put(*place)
-    above = ground_below(world, 0.75, -0.1) + [0, 0, 0.035 + 0.02]  # m; the tip's radius, and some more
+    above = ground_below(world, 0.75, -0.1) + [0, 0, 0.1]
     path = [(0, *at_device((0.6, 0.3, 0.1))), (2, *at_device((0.6, 0.3, 0.1))), (2.4, *at_device(above)), (4, *at_device(above))]
     with Rig(tmp_path, path, "arm", place=place) as rig:
-        most = max(np.linalg.norm(rig.felt(), axis=1).max() for _ in rig.run(4))
-        assert most < 0.05, most
+        for hand in rig.run(4):
+            x, y, z = rig.robot.arm.to_world(np.asarray(hand.state.pose.position))
+            is_above = z > world.ground.height(x, y) + 0.03
+            assert np.linalg.norm(hand.response.wrench.force) < 0.01 or not is_above
+        assert is_above
 
 
 @pytest.mark.parametrize("seconds", [0.8, 3.2, 6.4])
 def test_laps_over_the_ground_give_no_energy(tmp_path, seconds):
-    """The hand goes round and round through the ground, which has another stiffness at each place of the arm. What is left, where the
-    hand may gain, is that the rover gives way to its arm, and that the hand feels it a frame later."""
+    """The hand goes round and round through the ground; the arm has another stiffness at each place."""
     place = places[1]
     world = World()
     world.put(*place)
@@ -180,7 +182,7 @@ def test_laps_over_the_ground_give_no_energy(tmp_path, seconds):
         begin = 3000 + round(2000 * seconds)  # two laps to settle
         work = np.einsum("ij,ij->i", (f[begin:-1] + f[begin + 1 :]) / 2, np.diff(x[begin:], axis=0))
         assert np.abs(work).sum() > 0.01  # J: it was in the ground
-        assert work.sum() < 0.03 * np.abs(work).sum(), (work.sum(), np.abs(work).sum())
+        assert work.sum() < 0.003 * np.abs(work).sum(), (work.sum(), np.abs(work).sum())
 
 
 def test_a_rock_is_solid(tmp_path):
