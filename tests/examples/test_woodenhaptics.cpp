@@ -406,6 +406,7 @@ START_TEST(test_device_has_nothing_to_say) {
     is_good = is_sanitized ? !has_failed : status == 0;
   }
   std::printf("%s", text.c_str());  // woodenhaptics.py looks at it
+  std::fflush(stdout);
   ck_assert(is_good);
 }
 END_TEST

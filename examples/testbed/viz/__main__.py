@@ -56,27 +56,18 @@ def add_controls(viz: Viz, picture: Picture) -> Drawing:
     hazards = viz.hazards
     viz.removed = drawing.take_away
 
-    def remove_newest() -> None:
-        if hazards.newest:
-            drawing.take_away(hazards.newest)
-            hazards.remove(hazards.newest)
-
-    def change() -> None:
-        if hazards.newest:
-            hazards.change(hazards.newest, hazards.width, hazards.newtons)
-
     def set_width(value: float) -> None:
         hazards.width = value
-        change()
+        viz.change_newest()
 
     def set_newtons(value: float) -> None:
         hazards.newtons = value
-        change()
+        viz.change_newest()
 
     plotter = picture.plotter
     plotter.add_key_event("d", drawing.begin)
     plotter.add_key_event("Escape", drawing.give_up)
-    plotter.add_key_event("x", remove_newest)
+    plotter.add_key_event("x", viz.remove_newest)
     look = {"style": "modern", "title_height": 0.02, "interaction_event": "end"}
     low, high = {"pointa": (0.72, 0.12), "pointb": (0.97, 0.12)}, {"pointa": (0.72, 0.27), "pointb": (0.97, 0.27)}
     plotter.add_slider_widget(set_width, (1, 8), value=hazards.width, title="newest hazard: width, m", **look, **low)
@@ -127,10 +118,18 @@ def loop(viz: Viz, show: Show, picture: Picture, off_screen: str | None) -> None
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
+    is_silent = False
     while not ends.is_set() and (off_screen is not None or not picture.is_closed):
         begin = time.monotonic()
-        viz.tell_events()
-        show.update()
+        try:
+            viz.tell_events()
+            show.update()
+        except TimeoutError as failure:
+            if not is_silent:
+                viz.say(str(failure))
+            is_silent = True
+        else:
+            is_silent = False
         if off_screen is not None:
             picture.save(off_screen)
             ends.wait(1)

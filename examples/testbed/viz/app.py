@@ -25,6 +25,7 @@ class Viz:
     def __init__(self, scene: fs.Scene, ground: Ground, name: str = "viz", follow: str | None = None, is_felt: bool = True) -> None:
         self.scene, self.ground, self.name, self.follow, self.is_felt = scene, ground, name, follow, is_felt
         self.hazards = Hazards(scene, ground)
+        self.hazards.say = self.say
         self.offset = np.zeros(3)  # m: where the middle of the scene is on the map
         self.scale = map_scale if follow is None else joystick_scale
         self.removed: Callable[[str], None] = lambda name: None  # is told the hazards that other clients remove
@@ -112,11 +113,30 @@ class Viz:
         try:
             named = name or self.hazards.new_name()
             self.hazards.put(named, nodes, -self.offset)
-        except BadBorder as failure:
+        except (BadBorder, fs.Error) as failure:
             self.say(f"no hazard: {failure}")
             return None
         self.say(f"{named} has {len(nodes)} nodes")
         return named
+
+    def change_newest(self) -> None:
+        """It gets the width and the force that are set for the next."""
+        newest = self.hazards.newest
+        if newest:
+            self._try(lambda: self.hazards.change(newest, self.hazards.width, self.hazards.newtons))
+
+    def remove_newest(self) -> None:
+        newest = self.hazards.newest
+        if newest and self._try(lambda: self.hazards.remove(newest)):
+            self.removed(newest)
+
+    def _try(self, does: Callable[[], None]) -> bool:
+        try:
+            does()
+        except fs.Error as failure:
+            self.say(str(failure))
+            return False
+        return True
 
     def keep_hazards_in(self, path: Path) -> None:
         """Loads the hazards of a scene file, if it is there, and saves them from now on after each change."""

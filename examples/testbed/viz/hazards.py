@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import forceserver as fs
@@ -68,6 +69,9 @@ class Hazards:
         self.width, self.newtons = 3.0, 3.0  # m on the map; N at the hand: of what is drawn next
         self.order: list[str] = []  # as they were drawn or loaded
         self.path: Path | None = None  # of the scene file in which they are kept
+        self.in_file: set[str] = set()  # those that were loaded from it or saved there; what else is in it belongs to others
+        self.is_unsaved = False  # the file lacks a change
+        self.say: Callable[[str], None] = lambda text: None  # is told what goes wrong with the file
         self.is_following = False  # they move against a rover, and stand still on the map
 
     def names(self) -> list[str]:
@@ -124,18 +128,35 @@ class Hazards:
             for name in sorted(one for one in file if one.startswith(prefix)):
                 self.scene[name] = file[name]
                 self.order.append(name)
+                self.in_file.add(name)
 
     def save(self) -> None:
+        """Where it fails all goes on, and it is tried again with the next change."""
         if self.path is None:
             return
+        try:
+            self._save(self.path)
+        except (fs.Error, OSError) as failure:
+            if not self.is_unsaved:
+                self.say(f"the hazards are not saved, until the next change: {failure}")
+            self.is_unsaved = True
+            return
+        if self.is_unsaved:
+            self.say("the hazards are saved again")
+        self.is_unsaved = False
+
+    def _save(self, path: Path) -> None:
+        names = self.names()
         with fs.Scene() as file:
-            if self.path.exists():
-                file.load(str(self.path))
-            for name in [one for one in file if one.startswith(prefix)]:
-                del file[name]
-            for name in self.names():
+            if path.exists():
+                file.load(str(path))
+            for name in self.in_file - set(names):
+                if name in file:
+                    del file[name]
+            for name in names:
                 one = self.scene[name].object
                 if self.is_following:
                     one.pose, one.twist = fs.Pose(), fs.Twist()
                 file[name] = one
-            file.save(str(self.path))
+            file.save(str(path.resolve()))
+        self.in_file = set(names)

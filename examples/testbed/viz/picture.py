@@ -208,7 +208,7 @@ class Picture:
     def save(self, path: str) -> None:
         """As a PNG file, which is whole at any time."""
         self.plotter.render()
-        fresh = f"{path}.new.png"
+        fresh = f"{path}.{os.getpid()}.png"
         self.plotter.screenshot(fresh)
         os.replace(fresh, path)
 

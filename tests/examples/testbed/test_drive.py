@@ -103,6 +103,36 @@ def test_without_a_hand_it_stops(flags):
     assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
 
 
+def test_a_hand_that_is_not_heard_of():
+    """A server that hangs gives the last place of the hand for ever."""
+    world = World()
+    robot = Robot(fs.Scene(), world, "drive")
+    for k in range(100):
+        robot.frame(hand_at([1, 0, 0], (k + 1) * period), (k + 1) * period)
+    said = [robot.frame(hand_at([1, 0, 0], 4.0), 4.0 + (k + 1) * period) for k in range(8)]
+    assert abs(world.twist[0] @ world.axes[:, 0]) < 0.1
+    said.append(robot.frame(hand_at([0, 0, 0], 5.0), 5.0))
+    assert [text for text in said if text] == ["it stands: nothing is heard of the hand", "the hand is there again"]
+
+
+def test_a_force_fades_by_time():
+    """Also where frames come three times a second."""
+    robot = Robot(fs.Scene(), World(), "map")
+    robot.frame(hand_at([8, 0, 0], 1), 1)
+    robot.world.data.qpos[3:7] = [0, 1, 0, 0]
+    times = [1 + k / 3 for k in range(1, 7)]
+    said = [(time, text) for time in times if (text := robot.frame(hand_at([8, 0, 0], time), time))]
+    assert said[0][1] == "the rover has tipped over" and "put back" in said[1][1]
+    assert said[1][0] - said[0][0] < 0.7
+
+
+def test_it_stands_where_it_is_put():
+    world, random = World(), np.random.default_rng(6)
+    for x, y in random.uniform(-0.9, 0.9, (30, 2)) * world.ground.half:
+        world.put(x, y, random.uniform(-3, 3))
+        assert world.axes[2, 2] > 0.8 and np.linalg.norm(world.position[:2] - [x, y]) < 0.7
+
+
 def test_speed_changes_alike_in_both_directions():
     for sign in (1, -1):
         robot = Robot(fs.Scene(), World(), "drive")

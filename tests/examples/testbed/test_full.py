@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import forceserver as fs
@@ -45,7 +47,7 @@ def test_each_is_killed_in_turn(tmp_path):
     python = [sys.executable, "-B", "-W", "ignore", "-m"]
     at = f"shm:{endpoint}"
     commands = {
-        "server": [server, "run", "--listen", endpoint, "--device", "sim:?hold=-0.05,0.0425,0.006"],  # beside a hazard
+        "server": [server, "run", "--listen", endpoint, "--device", "sim:?hold=-0.05,0.0475,0.0075&hand_stiffness=3000&hand_damping=60"],  # by a hazard
         "viewer": [*python, "viz", at, "--name", "viewer", "--hazards", hazards, "--off-screen", tmp_path / "viz.png"],
         "rover": [*python, "virtualrobot", at, "--mode", "map"],
         "editor": [built / "examples" / "testbed" / "editor", endpoint],
@@ -90,12 +92,19 @@ def test_each_is_killed_in_turn(tmp_path):
                 start(who)
                 eventually(lambda who=who: look() or who in felt())
             assert len(steps) > 2000 and max(steps) < 0.05, (len(steps), max(steps))
+            # Both wait for a server that hangs.
+            processes["server"].send_signal(signal.SIGSTOP)
+            time.sleep(4)
+            processes["server"].send_signal(signal.SIGCONT)
+            time.sleep(2)
+            assert {"viewer", "rover"} <= {str(client["name"]) for client in watcher.get_clients()}
         processes["server"].kill()
         end_of("server")
         for who in ("viewer", "rover", "editor"):
             process = processes[who]
             output = end_of(who)
             assert process.returncode == 1 and "server" in output.splitlines()[-1] and "Traceback" not in output, output
+            assert {"viewer": "has not answered", "rover": "nothing is heard", "editor": ""}[who] in output, output
     finally:
         for process in processes.values():
             process.kill()

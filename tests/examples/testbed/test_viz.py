@@ -242,6 +242,65 @@ def test_loaded_hazards_can_be_moved(ground, picture, tmp_path):
         assert np.asarray(kept["hazard 7"].shape.get_points())[:, 0].max() == pytest.approx(13, abs=0.3)
 
 
+def test_a_file_that_cannot_be_written(ground, tmp_path, capsys):
+    """All goes on, it is said once, and the next change that can be saved saves all."""
+    file = tmp_path / "hazards.json"
+    with fs.Scene() as scene:
+        viz = Viz(scene, ground)
+        viz.keep_hazards_in(file)
+        assert viz.draw_hazard(None, np.array(border)) == "hazard 1"
+        for spoil, mend in (
+            (lambda: file.write_text("{ broken"), file.unlink),
+            (lambda: (file.unlink(), file.mkdir()), file.rmdir),
+        ):
+            spoil()
+            for _ in range(3):
+                assert viz.draw_hazard(None, np.array(border)) is not None
+            assert capsys.readouterr().out.count("not saved") == 1
+            mend()
+            viz.hazards.newtons = 2.0
+            viz.change_newest()
+            assert "saved again" in capsys.readouterr().out
+            with fs.Scene() as kept:
+                kept.load(str(file))
+                assert sorted(kept) == sorted(viz.hazards.names())
+        viz.close()
+
+
+def test_hazards_of_others_in_the_file_stay(ground, tmp_path):
+    """Also where the file is a link."""
+    real, file = tmp_path / "real.json", tmp_path / "hazards.json"
+    file.symlink_to(real)
+    with fs.Scene() as scene, fs.Scene() as other:
+        viz = Viz(scene, ground)
+        viz.keep_hazards_in(file)
+        viz.draw_hazard(None, np.array(border))
+        other.load(str(file))
+        Hazards(other, ground).put("hazard north", np.array(border) + [5, 5])
+        other.save(str(real))
+        viz.draw_hazard(None, np.array(border))
+        viz.remove_newest()
+        with fs.Scene() as kept:
+            kept.load(str(real))
+            assert sorted(kept) == ["hazard 1", "hazard north"] and file.is_symlink()
+        viz.close()
+
+
+def test_a_hazard_that_another_client_has_spoilt(lab, ground, capsys):
+    with fs.connect(lab, "viz") as scene, fs.connect(lab, "other") as other:
+        viz = Viz(scene, ground)
+        viz.draw_hazard(None, np.array(border))
+        scene.sync(30)
+        point = fs.Point(name="viz/hazard 1")
+        other.object_change(point, fs.Part.SHAPE)
+        eventually(lambda: viz.tell_events() or scene["hazard 1"].primitive == fs.Primitive.POINT)
+        assert viz.draw_hazard("hazard 1", np.array(border)) is None
+        viz.change_newest()
+        viz.remove_newest()
+        assert "Traceback" not in capsys.readouterr().out and not viz.hazards.names()
+        viz.close()
+
+
 def test_borders_of_others_are_drawn_where_they_are(lab, ground, picture):
     square = np.array([(1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0)], float)
     half = np.sqrt(0.5)
