@@ -42,6 +42,7 @@ TABLE = {
 FIRST_VERSION = {
     "fs_object": "lifetime",
     "fs_shape_info": "reserved",
+    "fs_surface_settings": "slip_distance",
     "fs_device_info": "controller_damping",
     "fs_servo_options": "cpu",
     "fs_servo_stats": "link_loss",

@@ -28,6 +28,7 @@ UNITS = {
     "fs_contact": {"N/m": "stiffness", "N": "limit", "N s/m": "damping", "": "friction"},
     "fs_object": {"s": "time start lifetime", "N s/m": "damping"},
     "fs_shape_info": {"m": "lower upper"},
+    "fs_surface_settings": {"m": "slip_distance", "": "static_friction dynamic_friction"},
     "fs_frame": {"": "scale force_scale"},
     "fs_view": {"": "points"},
     "fs_report": {"N/m": "stiffness_wanted stiffness_applied", "m": "distance", "": "weight point"},
@@ -72,7 +73,7 @@ UNITS = {
 PARTS = {
     "FS_PART_POSE": "pose twist time",
     "FS_PART_PROFILES": "front back damping start",
-    "FS_PART_CONTACT": "contact",
+    "FS_PART_CONTACT": "contact surface",
     "FS_PART_SHAPE": "primitive shape",
     "FS_PART_OTHER": "lifetime tool_points enabled",
 }

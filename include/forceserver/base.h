@@ -91,6 +91,8 @@ typedef struct fs_scene fs_scene;
 typedef struct fs_shape fs_shape;
 /* A custom profile function; immutable, shared by profiles: fs_curve_destroy. */
 typedef struct fs_curve fs_curve;
+/* What a solid object's surface does, such as stick and slip; immutable, shared by objects: fs_surface_destroy. */
+typedef struct fs_surface fs_surface;
 /* What touches a scene in an application's own loop, with its memory of contacts: fs_tool_destroy. */
 typedef struct fs_tool fs_tool;
 /* A haptic device or the simulator: fs_device_close. */

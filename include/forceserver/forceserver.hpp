@@ -279,6 +279,23 @@ class Curve : public std::unique_ptr<fs_curve, GiveBack<fs_curve_destroy>> {
   Curve retain() const { return Curve(fs_curve_retain(get())); }  // one more of the same
 };
 
+// What a solid object's surface does, such as stick and slip; immutable, shared by objects.
+class Surface : public std::unique_ptr<fs_surface, GiveBack<fs_surface_destroy>> {
+ public:
+  using unique_ptr::unique_ptr;
+  static Surface create(const fs_surface_settings& settings) {
+    fs_surface* out = nullptr;
+    throw_on_error(fs_surface_create(&settings, &out));
+    return Surface(out);
+  }
+  fs_surface_settings get_settings() const {
+    fs_surface_settings out = fs_surface_settings_init();
+    throw_on_error(fs_surface_get_settings(get(), &out));
+    return out;
+  }
+  Surface retain() const { return Surface(fs_surface_retain(get())); }  // one more of the same
+};
+
 // What touches a scene in an application's own loop, with its memory of contacts.
 class Tool : public std::unique_ptr<fs_tool, GiveBack<fs_tool_destroy>> {
  public:

@@ -1,4 +1,4 @@
-/* forceserver/object.h - force-objects: primitive, profiles, contact, shapes and curves. Conventions: forceserver.h.
+/* forceserver/object.h - force-objects: primitive, profiles, contact, shapes, curves, surfaces. Conventions: forceserver.h.
  *
  * For a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p
  * to x and, for a plane or mesh, the side that x is on. The profile of that side gives the intensity f(d, t) >= 0 in
@@ -160,6 +160,7 @@ typedef struct fs_object {
   uint8_t reserved[3];          /* 0 */
   double lifetime;              /* s, 0..1e12: it fades unless set, changed or moved within this time; 0: it lives as
                                    long as its client */
+  fs_surface *surface;          /* PLANE, MESH: what its surface does while it is solid; null: nothing but contact.friction */
 } fs_object;
 
 /* A profile from the three components of the paper: gain, offset (GAUSSIAN: width), limit. No reach, no curve. */
@@ -225,7 +226,7 @@ static inline fs_object fs_wall_init(const char *name, fs_vec3 point, fs_vec3 no
   return o;
 }
 
-/* Releases an object that fs_object_get filled: gives back the handles (shape, curves) that fs_object_get put there,
+/* Releases an object that fs_object_get filled: gives back the handles (shape, curves, surface) that fs_object_get put there,
  * whatever the fields hold by now; the caller's own references keep them alive. For any other object, or null, it does
  * nothing. */
 FS_API void fs_object_release(fs_object *object);
@@ -342,6 +343,43 @@ FS_API fs_curve *fs_curve_retain(fs_curve *curve);
 
 /* Gives one reference back; null does nothing. */
 FS_API void fs_curve_destroy(fs_curve *curve);
+
+/* ---- Surfaces: what a solid object's surface does. A surface lives as long as the caller's reference or an object needs it.
+ *
+ * Stick and slip. As long as the proxy sticks, friction holds it with static_friction times the normal force. Once it slips
+ * the coefficient falls, in proportion to the way of the proxy along the surface, and is dynamic_friction from
+ * slip_distance on. The proxy sticks again, with the static coefficient, when the hand has come back so far that friction
+ * is less by a tenth of the difference of the two, or when it has left the surface. All of this depends on ways alone, not
+ * on speed or time. The proxy is only ever moved towards the hand, so no closed path gains energy, and at rest it does not
+ * creep (Hayward & Armstrong, "A new computational model of friction applied to haptic rendering", 2000). A hand of
+ * stiffness k_hand (N/m) that is pulled slowly, at v m/s, sticks for 2 (static - dynamic) N (k + k_hand) / (k k_hand v)
+ * seconds, and slips for half an oscillation; N: the normal force, k >> k_hand: the stiffness of the contact.
+ *
+ * While it falls friction has a negative slope, of (static - dynamic) N / slip_distance. So that this is at most half of the
+ * stiffness that the contact has, slip_distance counts as 2 (static - dynamic) times the depth at least, where N is the
+ * stiffness times the depth. Solid objects that share a proxy have the mean of their coefficients, by how far each pushes. */
+
+/* Growing; made by fs_surface_settings_init. */
+typedef struct fs_surface_settings {
+  uint32_t struct_size;         /* sizeof(fs_surface_settings), by fs_surface_settings_init */
+  uint32_t reserved;            /* 0 */
+  double static_friction;       /* Coulomb coefficient, 0..2. Above 0: contact.friction must be 0. 0: that counts */
+  double dynamic_friction;      /* static_friction / 10..static_friction */
+  double slip_distance;         /* m, 0..1e9 */
+} fs_surface_settings;
+FS_DEFINE_INIT(fs_surface_settings)
+
+/* A surface of these settings. INVALID, VERSION. */
+FS_API fs_status fs_surface_create(const fs_surface_settings *settings, fs_surface **out);
+
+/* Fills out, which fs_surface_settings_init made, with the settings of a surface. VERSION. */
+FS_API fs_status fs_surface_get_settings(const fs_surface *surface, fs_surface_settings *out);
+
+/* One more reference; returns surface; null gives null. */
+FS_API fs_surface *fs_surface_retain(fs_surface *surface);
+
+/* Gives one reference back; null does nothing. */
+FS_API void fs_surface_destroy(fs_surface *surface);
 
 #ifdef __cplusplus
 }

@@ -62,7 +62,7 @@ FS_API fs_status fs_object_set(fs_scene *scene, const fs_object *object);
 typedef enum fs_part {
   FS_PART_POSE = 1,             /* pose, twist, time */
   FS_PART_PROFILES = 2,         /* front, back, damping, start */
-  FS_PART_CONTACT = 4,          /* contact */
+  FS_PART_CONTACT = 4,          /* contact, surface */
   FS_PART_SHAPE = 8,            /* primitive, shape */
   FS_PART_OTHER = 16,           /* lifetime, tool_points, enabled */
   FS_PART_FORCE_32 = 0x7fffffff

@@ -97,6 +97,7 @@ fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, 
 
 namespace {
 void give(Ref<const Shape> shape, fs_shape** out) { *out = const_cast<fs_shape*>(shape.detach()); }
+void give(Ref<const Surface> surface, fs_surface** out) { *out = const_cast<fs_surface*>(surface.detach()); }
 void give(Ref<const Curve> curve, fs_curve** out) { *out = const_cast<fs_curve*>(curve.detach()); }
 }  // namespace
 
@@ -227,4 +228,31 @@ fs_curve* fs_curve_retain(fs_curve* curve) {
 
 void fs_curve_destroy(fs_curve* curve) {
   if (curve) curve->release();
+}
+
+// --------------------------------------------------------------------------------------------------------- surfaces
+
+fs_status fs_surface_create(const fs_surface_settings* settings, fs_surface** out) {
+  return guarded([&] {
+    require_pointer(settings, "settings");
+    require_pointer(out, "out");
+    give(make_surface(read_grown(settings)), out);
+  });
+}
+
+fs_status fs_surface_get_settings(const fs_surface* surface, fs_surface_settings* out) {
+  return guarded([&] {
+    require_pointer(surface, "surface");
+    require_pointer(out, "out");
+    write_grown(surface->settings, out);
+  });
+}
+
+fs_surface* fs_surface_retain(fs_surface* surface) {
+  if (surface) surface->retain();
+  return surface;
+}
+
+void fs_surface_destroy(fs_surface* surface) {
+  if (surface) surface->release();
 }

@@ -33,22 +33,24 @@ LinkedObject FetchedAssets::receive(Call& call, const wire::Object& record) {
   Assets assets;
   for (size_t i = 0; i < ids.size(); ++i) {
     assets[i] = find(ids[i]);
-    if (ids[i] && !assets[i]) assets[i] = fetch(call, ids[i], i == 0 ? wire::type_shape : wire::type_curve);
+    if (ids[i] && !assets[i]) assets[i] = fetch(call, ids[i], asset_types[i]);
   }
   return {record, std::move(assets)};
 }
 
 Asset FetchedAssets::fetch(Call& call, uint64_t id, wire::Type type) {
-  if (!(id & wire::of_server)) fail(FS_ERROR_NOT_FOUND, "the shape or curve no longer exists");
+  if (!(id & wire::of_server)) fail(FS_ERROR_NOT_FOUND, "the shape, curve or surface no longer exists");
   Line::extend(call);  // each may be large
   Answer answer = line_.request(call, wire::type_fetch, wire::Fetch{id});
-  PackedAsset packed{type, {}, {}, std::move(answer.data)};
+  PackedAsset packed{type, {}, {}, {}, std::move(answer.data)};
   if (type == wire::type_shape) {
     packed.shape = answer.as<wire::Shape>();
-  } else {
+  } else if (type == wire::type_curve) {
     packed.curve = answer.as<wire::Curve>();
+  } else {
+    packed.surface = answer.as<wire::Surface>();
   }
-  if (!packed.is_expression()) require_data(packed.content);
+  if (packed.has_content()) require_data(packed.content);
   const Asset asset = line_.work(call, [&] {
     StopToken stop;
     return unpack(std::move(packed), stop);

@@ -22,7 +22,7 @@ class SentAssets {
   // Sends the asset if the server lacks it, or refused it and a retry may succeed. False: it could not be sent now; a
   // refused one may have been withdrawn already. It counts as unused until an object uses it.
   bool send(const Asset& asset);
-  bool send(const Assets& assets) { return send(assets[0]) && send(assets[1]) && send(assets[2]); }
+  bool send(const Assets& assets) { return send(assets[0]) && send(assets[1]) && send(assets[2]) && send(assets[3]); }
   bool send(const Asset& asset, const PackedAsset& packed);
   bool is_there(const Asset& asset) const;  // nothing has to be sent
   void note_refused(uint64_t id);  // the server has refused it, and does not have it

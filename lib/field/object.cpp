@@ -62,6 +62,17 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
+void check_surface(const fs_object& in) {
+  if (!in.surface) return;
+  if (!has_surface(in.primitive)) {
+    fail(FS_ERROR_INVALID, "surface is given, must be null for a %s", primitive_name(in.primitive));
+  }
+  if (in.surface->settings.static_friction > 0 && in.contact.friction > 0) {
+    fail(FS_ERROR_INVALID, "contact.friction is %.9g, must be 0 where the surface has a static_friction (it has %.9g)",
+         in.contact.friction, in.surface->settings.static_friction);
+  }
+}
+
 // The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
   // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
@@ -128,6 +139,8 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   }
   check_contact(in.contact, in.primitive);
   object.contact = in.contact;
+  check_surface(in);
+  object.surface = Ref<const Surface>::retain(in.surface);
 
   if (object.shape) {
     if (builds_shape) object.shape->build();
@@ -293,6 +306,7 @@ fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t
   take(FS_PART_PROFILES, &fs_object::damping);
   take(FS_PART_PROFILES, &fs_object::start);
   take(FS_PART_CONTACT, &fs_object::contact);
+  take(FS_PART_CONTACT, &fs_object::surface);
   if (parts & FS_PART_SHAPE) std::memcpy(&merged.primitive, &change.primitive, sizeof merged.primitive);  // checked later
   take(FS_PART_SHAPE, &fs_object::shape);
   take(FS_PART_OTHER, &fs_object::lifetime);
@@ -308,6 +322,7 @@ fs_object to_c(const Object& object) {
   out.back = to_c(object.law.back);
   out.damping = object.damping;
   out.contact = object.contact;
+  out.surface = const_cast<fs_surface*>(object.surface.get());
   out.shape = const_cast<fs_shape*>(object.shape.get());
   out.tool_points = object.tool_points;
   out.enabled = object.is_enabled;

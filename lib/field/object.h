@@ -11,6 +11,7 @@
 
 #include "base/counted.h"
 #include "law/law.h"
+#include "law/surface.h"
 #include "math/pose.h"
 #include "shape/shape.h"
 
@@ -38,6 +39,7 @@ struct Object : Counted<Object> {
   Law law;
   double damping = 0;       // N s/m
   fs_contact contact{};
+  Ref<const Surface> surface;  // null: only the friction of the contact
   Ref<const Shape> shape;   // its tree is built if anybody evaluates the object
   uint32_t tool_points = 0;  // as the contract has it: 0 is all
   double lifetime = 0;      // s, 0: without end
@@ -50,6 +52,11 @@ struct Object : Counted<Object> {
   double enough_slope = no_bound;  // N/m: with this slope a jump is spread over 0.1 mm, and more is never asked for
   Bounds bounds;               // within which it was put: see bounded()
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
+  Friction friction() const noexcept {
+    if (!surface || !(surface->settings.static_friction > 0)) return {contact.friction, 0, 0};
+    const fs_surface_settings& own = surface->settings;
+    return {own.static_friction, own.static_friction - own.dynamic_friction, own.slip_distance};
+  }
   // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
   bool has_ridges() const noexcept {
     const bool has_parts = primitive == FS_PRIMITIVE_MESH || (primitive == FS_PRIMITIVE_POLYLINE && !shape->is_straight);
@@ -82,7 +89,8 @@ struct Object : Counted<Object> {
   bool feels_like(const Object& other) const noexcept {
     const fs_contact &a = contact, &b = other.contact;
     return law.front == other.law.front && law.back == other.law.back && damping == other.damping && a.keep == b.keep &&
-           a.stiffness == b.stiffness && a.limit == b.limit && a.damping == b.damping && a.friction == b.friction;
+           a.stiffness == b.stiffness && a.limit == b.limit && a.damping == b.damping && a.friction == b.friction &&
+           surface == other.surface;
   }
 };
 

@@ -77,6 +77,7 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   const Tick& tick = point.tick;
   const double time = tick.last ? tick.now - tick.step : tick.now;
   touch.at = to_local(solid.motion->at(time, tick.tool.blend), proxy_.at);
+  touch.slipped = 0;
   touch.side = object.contact.keep == FS_KEEP_BACK ? Side::back : Side::front;
   const bool keeps_either = object.contact.keep == FS_KEEP_EITHER;
   // Which side of an open mesh is inside is not known; but where it replaces one that is touched, it takes over the hand.
@@ -267,6 +268,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     touch.pose = solid.pose;
     touch.proxy = proxy_.at;
     touch.is_touching = is_touching;
+    if (!is_touching) touch.slipped = 0;
     solid.is_touched |= is_touching;
     if (const double distance = norm(pull); distance < solid.distance) {
       solid.distance = distance;

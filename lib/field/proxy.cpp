@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <span>
 
 namespace fs {
 namespace {
@@ -165,14 +166,70 @@ bool Planes::is_on_one(Vec3 place, double way) const noexcept {
   return false;
 }
 
-// A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes.
-double Proxy::friction_reach(Vec3 hand, Vec3 goal) const noexcept {
-  double friction = 0, depth = 0;
+bool Proxy::has_friction() const noexcept {
   for (uint32_t p = 0; p < plane_count; ++p) {
-    friction += pushes[p] * members[planes[p].member].solid->object->contact.friction;
-    depth += pushes[p];
+    if (members[planes[p].member].solid->object->friction().still > 0) return true;
   }
-  return friction > 0 ? friction / depth * norm(goal - hand) : 0;
+  return false;
+}
+
+// A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes. That of a surface
+// falls while the proxy slips: see fs_surface_settings.
+double Proxy::friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept {
+  struct Part {
+    Friction friction;
+    double weight, slipped;
+  };
+  std::array<Part, 3> parts;
+  double depth = 0;
+  for (uint32_t p = 0; p < plane_count; ++p) depth += pushes[p];
+  if (!(depth > 0)) return 0;
+  const double normal = norm(goal - hand);
+  for (uint32_t p = 0; p < plane_count; ++p) {
+    const Member& member = members[planes[p].member];
+    parts[p] = {member.solid->object->friction(), pushes[p] / depth, member.touch->slipped};
+    Friction& friction = parts[p].friction;
+    // So the cone closes by at most half of the way of the proxy.
+    friction.distance = std::max(friction.distance, 2 * friction.drop * normal);
+  }
+  const auto all = std::span(parts).first(plane_count);
+  // The coefficient when the proxy has gone on by so much, m; fall: by how much it falls there for each metre.
+  double fall = 0;
+  const auto coefficient_after = [&](double way) {
+    double sum = fall = 0;
+    for (const Part& part : all) {
+      const Friction& f = part.friction;
+      const double slipped = f.drop > 0 ? part.slipped + way / f.distance : 0;
+      sum += part.weight * f.after(slipped);
+      if (f.drop > 0 && slipped < 1) fall += part.weight * f.drop / f.distance;
+    }
+    return sum;
+  };
+  const auto note_slip = [&](auto&& slipped_of) {
+    for (uint32_t p = 0; p < plane_count; ++p) members[planes[p].member].touch->slipped = slipped_of(parts[p]);
+  };
+
+  const double coefficient = coefficient_after(0);
+  if (lag <= coefficient * normal) {  // it sticks; after a slip with the coefficient of the slip, until the hand has come back
+    double drop = 0;
+    for (const Part& part : all) drop += part.weight * part.friction.drop;
+    if (!(drop > 0) || lag > (coefficient - drop / 10) * normal) return coefficient * normal;
+    note_slip([](const Part&) { return 0.0; });
+    double still = 0;
+    for (const Part& part : all) still += part.weight * part.friction.still;
+    return still * normal;
+  }
+  // It slips until friction holds it: lag - way = coefficient_after(way) * normal. The right side is of straight pieces, so
+  // Newton's method ends after one step for each.
+  double way = 0, reach = coefficient * normal;
+  for (size_t i = 0; i <= all.size(); ++i) {
+    way += (lag - way - reach) / (1 - fall * normal);
+    reach = coefficient_after(way) * normal;
+  }
+  note_slip([way](const Part& part) {
+    return part.friction.drop > 0 ? std::min(1.0, part.slipped + way / part.friction.distance) : 0.0;
+  });
+  return reach;
 }
 
 // The numbers of tries only bound the work of a tick: a way ends in a corner after three planes, and ways along edges of a mesh
@@ -199,7 +256,7 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
         go(place);
         continue;
       }
-      if (way == 0 && i == 0 && !was_touching && members[plane.member].solid->object->contact.friction > 0) {
+      if (way == 0 && i == 0 && !was_touching && members[plane.member].solid->object->friction().still > 0) {
         // It comes to the surface here; from here on friction holds it.
         if (is_free_to(place)) go(place);
       }
@@ -212,14 +269,14 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
       const double rounding = std::max(plane.margin, 1e-9 * norm(goal - target));
       if (norm(goal - at) <= rounding) break;  // it is there already
     }
-    if (way == 0 && plane_count > 0) {
-      // Friction: the proxy stays within a distance of the place where the surface alone would have it.
-      const double most = friction_reach(hand, goal);
+    if (way == 0 && has_friction()) {
+      // Friction: the proxy stays within a distance of the place where the surface alone would have it. When the surface has gone
+      // from under the proxy, nothing holds it up: it keeps its place along the surface only.
+      const bool is_on_surface = is_on_one(at, norm(goal - hand));
+      const Vec3 lag = is_on_surface ? at - goal : along(at - goal);
+      const double length = norm(lag), most = friction_reach(hand, goal, length);
       if (most > 0) {
-        // When the surface has gone from under the proxy, nothing holds it up: it keeps its place along the surface only.
-        const bool is_on_surface = is_on_one(at, norm(goal - hand));
-        held = is_on_surface ? at - goal : along(at - goal);
-        const double length = norm(held);
+        held = lag;
         if (length <= most && is_on_surface) {
           is_stuck = true;
           return;
@@ -266,7 +323,7 @@ uint32_t Proxy::carry() noexcept {
   for (uint32_t i = 0; i < count; ++i) {
     const Member& member = members[i];
     const bool has_moved = member.before && !are_equal(member.before->pose, member.solid->pose);
-    if (has_moved && member.before->is_touching && member.solid->object->contact.friction > 0) by = i;
+    if (has_moved && member.before->is_touching && member.solid->object->friction().still > 0) by = i;
   }
   if (by < count) to = carried(members[by]);
   if (!is_free_to(to, by)) {

@@ -57,6 +57,7 @@ struct Touch {
   Pose pose;            // of the object
   Vec3 at;              // m, object frame: the proxy, on the kept side
   Vec3 proxy;           // m, scene frame
+  double slipped;       // the part of its surface's slip distance, 0 to 1, since it stuck
   Side side;            // that is kept
   bool is_touching;
 };
@@ -113,8 +114,10 @@ struct Proxy : Planes {
   bool find_place(Vec3& out) const noexcept;
   uint32_t split() noexcept;
   void go(Vec3 to) noexcept;
-  // How far friction can hold the proxy back, m, if its planes hold it at `goal` against the hand.
-  double friction_reach(Vec3 hand, Vec3 goal) const noexcept;
+  bool has_friction() const noexcept;
+  // How far friction can hold the proxy back, m, if its planes hold it at `goal` against the hand, and it is `lag` behind
+  // (m, along them): what is farther behind slips.
+  double friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept;
 };
 
 // [rt] A proxy lies above the surface by this much, m: more than rounding makes of coordinates as large as these of the

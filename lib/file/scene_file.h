@@ -8,14 +8,16 @@
 #include <forceserver/scene.h>
 
 #include "law/curve.h"
+#include "law/surface.h"
 #include "shape/shape.h"
 
 namespace fs {
 
 struct SceneDescription {
-  std::vector<fs_object> objects;  // as fs_object_set takes them; their handles are kept alive by the two lists below
+  std::vector<fs_object> objects;  // as fs_object_set takes them; their handles are kept alive by the three lists below
   std::vector<Ref<const Shape>> shapes;
   std::vector<Ref<const Curve>> curves;
+  std::vector<Ref<const Surface>> surfaces;
   fs_frame frame;
   std::vector<Vec3> tool;
 };

@@ -166,10 +166,14 @@ class SceneReader {
     if (const Json* curves = fields.find("curves")) {
       read_all(*curves, "curves", "curve", curves_, [this](Fields& f) { return read_curve(f); });
     }
+    if (const Json* surfaces = fields.find("surfaces")) {
+      read_all(*surfaces, "surfaces", "surface", surfaces_, [this](Fields& f) { return read_surface(f); });
+    }
     if (const Json* objects = fields.find("objects")) read_objects(*objects);
     fields.finish();
     for (auto& [key, shape] : shapes_) scene_.shapes.push_back(shape);
     for (auto& [key, curve] : curves_) scene_.curves.push_back(curve);
+    for (auto& [key, surface] : surfaces_) scene_.surfaces.push_back(surface);
     return std::move(scene_);
   }
 
@@ -215,7 +219,7 @@ class SceneReader {
       try {
         out[name] = read(fields);
       } catch (Error& error) {
-        // The functions that make shapes and curves report INVALID, without the file; for a file it is PARSE.
+        // The functions that make shapes, curves and surfaces report INVALID, without the file; for a file it is PARSE.
         if (error.text.rfind(fields.where(), 0) != 0) error.text = fields.where() + ": " + error.text;
         if (error.status == FS_ERROR_INVALID) error.status = FS_ERROR_PARSE;
         throw;
@@ -272,6 +276,15 @@ class SceneReader {
     return make_table_curve(forces.data(), forces.size(), step);
   }
 
+  static Ref<const Surface> read_surface(Fields& fields) {
+    fs_surface_settings settings = fs_surface_settings_init();
+    fields.read("static_friction", settings.static_friction);
+    fields.read("dynamic_friction", settings.dynamic_friction);
+    fields.read("slip_distance", settings.slip_distance);
+    fields.finish();
+    return make_surface(settings);
+  }
+
   void read_objects(const Json& value) {
     if (!value.list()) fail_value(value, path_, "objects", "a list, [{...}, ...]");
     std::set<std::string> names;
@@ -326,6 +339,7 @@ class SceneReader {
       part.read("friction", object.contact.friction);
       part.finish();
     }
+    object.surface = find_handle(fields, "surface", "surfaces", surfaces_);
     fields.read("start", object.start);
     if (fields.find("age") && fields.find("start")) {
       fail_at(FS_ERROR_PARSE, fields.where(), "has both \"start\" and \"age\", must have one");
@@ -366,6 +380,7 @@ class SceneReader {
   SceneDescription scene_;
   std::map<std::string, Ref<const Shape>> shapes_;
   std::map<std::string, Ref<const Curve>> curves_;
+  std::map<std::string, Ref<const Surface>> surfaces_;
 };
 
 }  // namespace

@@ -98,6 +98,14 @@ Json::Object to_json(const Curve& curve) {
   return out;
 }
 
+Json::Object to_json(const Surface& surface) {
+  Json::Object out;
+  put(out, "static_friction", surface.settings.static_friction);
+  put(out, "dynamic_friction", surface.settings.dynamic_friction);
+  put(out, "slip_distance", surface.settings.slip_distance);
+  return out;
+}
+
 Json::Object polyline_to_json(const Shape& shape) {  // a mesh is in its own file
   Json::Object out;
   if (shape.closed) add(out, "closed", Json(true));
@@ -173,6 +181,7 @@ class SceneWriter {
     add(out, "tool", std::move(tool));
     put(out, "shapes", std::move(shapes_));
     put(out, "curves", std::move(curves_));
+    put(out, "surfaces", std::move(surfaces_));
     add(out, "objects", std::move(objects));
     return out;
   }
@@ -192,6 +201,7 @@ class SceneWriter {
     put(out, "back", write(object.back, name + ".back"));
     put(out, "damping", object.damping);
     put(out, "contact", to_json(object.contact));
+    if (object.surface) add(out, "surface", Json(surface_key(*object.surface, name)));
     if (object.start != 0) add(out, "age", to_json(time_ - object.start));
     put(out, "lifetime", object.lifetime);
     if (object.tool_points != 0) {
@@ -215,7 +225,7 @@ class SceneWriter {
     return out;
   }
 
-  // Shapes and curves are named after the first object that uses them.
+  // Shapes, curves and surfaces are named after the first object that uses them.
   std::string shape_key(const Shape& shape, const std::string& name) {
     const auto [entry, is_new] = shape_keys_.try_emplace(&shape, name);
     if (is_new && shape.primitive == FS_PRIMITIVE_MESH) {
@@ -232,12 +242,18 @@ class SceneWriter {
     if (is_new) add(curves_, place, to_json(curve));
     return entry->second;
   }
+  std::string surface_key(const Surface& surface, const std::string& name) {
+    const auto [entry, is_new] = surface_keys_.try_emplace(&surface, name);
+    if (is_new) add(surfaces_, name, to_json(surface));
+    return entry->second;
+  }
 
   MeshWriter& meshes_;
   const double time_;
-  Json::Object shapes_, curves_;
+  Json::Object shapes_, curves_, surfaces_;
   std::map<const Shape*, std::string> shape_keys_;
   std::map<const Curve*, std::string> curve_keys_;
+  std::map<const Surface*, std::string> surface_keys_;
 };
 
 }  // namespace

@@ -9,6 +9,7 @@ namespace fs {
 namespace {
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about as much as two parsers of a long expression take
+constexpr uint64_t surface_size = 512;         // bytes
 constexpr size_t most_offered = 8;
 
 // Adds its bytes to a total, and takes them away again when it is destroyed.
@@ -36,12 +37,14 @@ bool ClientAssets::is_refused(uint64_t id) const {
 bool ClientAssets::begin(uint64_t id) { return id != 0 && !(id & wire::of_server) && uploads_.emplace(id, Upload{}).second; }
 
 std::shared_ptr<const void> ClientAssets::charge(const PackedAsset& packed, uint64_t limit) {
-  const uint64_t bytes = packed.is_expression() ? expression_size : packed.content_bytes();
+  const uint64_t bytes = packed.has_content()                       ? packed.content_bytes()
+                         : packed.type == wire::type_surface ? surface_size
+                                                             : expression_size;
   const uint64_t used = bytes_->load();
   if (bytes > limit || used > limit - bytes) {
     const auto megabytes = [](uint64_t size) { return 1e-6 * static_cast<double>(size); };
     fail(FS_ERROR_FULL,
-         "this shape or curve of %.1f MB would bring the client to %.1f MB; the server allows %g MB "
+         "this shape, curve or surface of %.1f MB would bring the client to %.1f MB; the server allows %g MB "
          "(max_megabytes)",
          megabytes(bytes), megabytes(used + bytes), megabytes(limit));
   }

@@ -224,7 +224,7 @@ void Requests::tell_object(const std::string& name, wire::PullAnswer& out) {
 // A worker packs it: copying a mesh takes a while.
 void Requests::fetch(const Request& request) {
   const Asset* const found = client_.assets.find_offer(request.as<wire::Fetch>().id & ~wire::of_server);
-  if (!found) fail(FS_ERROR_NOT_FOUND, "the shape or curve no longer exists");
+  if (!found) fail(FS_ERROR_NOT_FOUND, "the shape, curve or surface no longer exists");
   struct Outcome {
     PackedAsset packed;
     Error error{FS_OK, ""};
@@ -233,7 +233,7 @@ void Requests::fetch(const Request& request) {
   auto work = [outcome, asset = *found](StopToken&) {
     try {
       outcome->packed = pack(asset);
-      outcome->packed.set_id(outcome->packed.id() | wire::of_server);
+      outcome->packed.id() |= wire::of_server;
     } catch (Error& error) {
       outcome->error = std::move(error);
     } catch (...) {

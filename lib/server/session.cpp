@@ -97,6 +97,7 @@ bool Session::handle_at_once(Message& message) {
     case type_clear: return false;
     case type_shape:
     case type_curve:
+    case type_surface:
       if (!parked.is_empty()) return false;
       take_asset(PackedAsset::of(message.type, message.record, std::move(message.data)));
       return true;
@@ -128,7 +129,7 @@ bool Session::handle_at_once(Message& message) {
 
 Task Session::handle(Message& message) {
   Client& client = *client_;
-  if (message.type == wire::type_shape || message.type == wire::type_curve) {
+  if (is_asset(message.type)) {
     PackedAsset packed = PackedAsset::of(message.type, message.record, std::move(message.data));
     const uint64_t id = packed.id();
     if (client.parked.take_forget(id)) {
@@ -182,12 +183,8 @@ void Session::take_asset(PackedAsset&& packed) {
     auto work = [made, charge, packed = std::make_shared<PackedAsset>(std::move(packed))](StopToken& stop) {
       try {
         Asset asset = unpack(std::move(*packed), stop);
-        if (asset.shape) {
-          asset.shape->keep(charge);
-          asset.shape->build(stop);
-        } else {
-          asset.curve->keep(charge);
-        }
+        asset.keep(charge);
+        if (asset.shape) asset.shape->build(stop);
         made->asset = std::move(asset);
       } catch (Error& error) {
         made->status = error.status;

@@ -3,11 +3,21 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/grown.h"
 #include "base/text.h"
 #include "ipc/blob.h"
 #include "transfer/records.h"
 
 namespace fs {
+
+static Ref<const Surface> unpack_surface(const wire::Surface& record) {
+  uint32_t size;
+  std::memcpy(&size, record.settings, sizeof size);
+  if (size > sizeof record.settings) fail(FS_ERROR_INVALID, "the settings of the surface are %u bytes long: too many", size);
+  alignas(fs_surface_settings) std::byte given[sizeof record.settings];
+  std::memcpy(given, record.settings, sizeof given);
+  return make_surface(read_grown(reinterpret_cast<const fs_surface_settings*>(given)));
+}
 
 uint64_t Asset::bytes() const noexcept {
   if (shape) return shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t);
@@ -15,20 +25,24 @@ uint64_t Asset::bytes() const noexcept {
 }
 
 PackedAsset PackedAsset::of(wire::Type type, std::span<const std::byte> record, Descriptor&& content) {
-  PackedAsset out{type, {}, {}, std::move(content)};
+  PackedAsset out{type, {}, {}, {}, std::move(content)};
   if (type == wire::type_shape) {
     std::memcpy(&out.shape, record.data(), sizeof out.shape);
-  } else {
+  } else if (type == wire::type_curve) {
     std::memcpy(&out.curve, record.data(), sizeof out.curve);
+  } else {
+    std::memcpy(&out.surface, record.data(), sizeof out.surface);
   }
   return out;
 }
 
 std::span<const std::byte> PackedAsset::record() const noexcept {
-  return type == wire::type_shape ? bytes_of(&shape, 1) : bytes_of(&curve, 1);
+  if (type == wire::type_shape) return bytes_of(&shape, 1);
+  return type == wire::type_curve ? bytes_of(&curve, 1) : bytes_of(&surface, 1);
 }
 
 uint64_t PackedAsset::content_bytes() const {
+  if (type == wire::type_surface) return 0;
   if (type == wire::type_curve) {
     if (curve.count > uint64_t{1} << 40) {
       fail(FS_ERROR_INVALID, "the table has %llu entries: too many", static_cast<unsigned long long>(curve.count));
@@ -47,13 +61,18 @@ uint64_t PackedAsset::content_bytes() const {
 }
 
 PackedAsset pack(const Asset& asset) {
-  PackedAsset out{asset.shape ? wire::type_shape : wire::type_curve, {}, {}, {}};
+  PackedAsset out{asset.shape ? wire::type_shape : asset.curve ? wire::type_curve : wire::type_surface, {}, {}, {}, {}};
   if (asset.shape) {
     const Shape& shape = *asset.shape;
     out.content =
         make_blob({bytes_of(shape.points.data(), shape.points.size()), bytes_of(shape.triangles.data(), shape.triangles.size())});
     out.shape = {shape.serial, static_cast<uint32_t>(shape.primitive), shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed,
                  shape.points.size(), shape.triangles.size() / 3};
+    return out;
+  }
+  if (asset.surface) {
+    out.surface.id = asset.surface->serial;
+    std::memcpy(out.surface.settings, &asset.surface->settings, sizeof asset.surface->settings);
     return out;
   }
   out.curve.id = asset.curve->serial;
@@ -68,13 +87,14 @@ PackedAsset pack(const Asset& asset) {
 }
 
 Asset unpack(PackedAsset&& packed, StopToken& stop) {
-  if (packed.is_expression()) return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str())};
+  if (packed.type == wire::type_surface) return {nullptr, nullptr, unpack_surface(packed.surface)};
+  if (!packed.has_content()) return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str()), nullptr};
   check_blob(packed.content, packed.content_bytes());
   if (packed.type == wire::type_curve) {
     std::vector<double> table(packed.curve.count);
     read_blob(packed.content, 0, std::as_writable_bytes(std::span(table)));
     packed.content.reset();
-    return {nullptr, make_table_curve(table.data(), table.size(), packed.curve.step)};
+    return {nullptr, make_table_curve(table.data(), table.size(), packed.curve.step), nullptr};
   }
   const wire::Shape& record = packed.shape;
   std::vector<Vec3> points(record.point_count);
@@ -83,9 +103,9 @@ Asset unpack(PackedAsset&& packed, StopToken& stop) {
   read_blob(packed.content, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
   packed.content.reset();
   if (record.primitive == FS_PRIMITIVE_POLYLINE) {
-    return {make_polyline(points.data(), points.size(), record.is_closed != 0, stop), nullptr};
+    return {make_polyline(points.data(), points.size(), record.is_closed != 0, stop), nullptr, nullptr};
   }
-  return {make_mesh(std::move(points), std::move(triangles), stop), nullptr};
+  return {make_mesh(std::move(points), std::move(triangles), stop), nullptr, nullptr};
 }
 
 // ---------------------------------------------------------------------------------------------------------- of objects
@@ -97,6 +117,7 @@ Assets assets_of(const Object& object, uint64_t parts) {
     out[1].curve = object.law.front.curve;
     out[2].curve = object.law.back.curve;
   }
+  if (parts & FS_PART_CONTACT) out[3].surface = object.surface;
   return out;
 }
 
@@ -107,13 +128,14 @@ Assets assets_of(const fs_object& object, uint64_t parts) {
     out[1] = Asset::of(object.front.curve);
     out[2] = Asset::of(object.back.curve);
   }
+  if (parts & FS_PART_CONTACT) out[3] = Asset::of(object.surface);
   return out;
 }
 
-AssetIds ids_of(const Assets& assets) noexcept { return {assets[0].serial(), assets[1].serial(), assets[2].serial()}; }
+AssetIds ids_of(const Assets& assets) noexcept { return {assets[0].serial(), assets[1].serial(), assets[2].serial(), assets[3].serial()}; }
 
 AssetIds ids_of(const wire::Object& record, uint64_t parts) noexcept {
-  AssetIds out = {record.shape, record.front.curve, record.back.curve};
+  AssetIds out = {record.shape, record.front.curve, record.back.curve, record.surface};
   for (size_t i = 0; i < out.size(); ++i) {
     if (!(parts & asset_parts[i])) out[i] = 0;
   }
@@ -124,6 +146,7 @@ void put_ids(wire::Object& record, const AssetIds& ids) noexcept {
   record.shape = ids[0];
   record.front.curve = ids[1];
   record.back.curve = ids[2];
+  record.surface = ids[3];
 }
 
 LinkedObject::LinkedObject(const wire::Object& record, Assets the_assets)
@@ -131,6 +154,7 @@ LinkedObject::LinkedObject(const wire::Object& record, Assets the_assets)
   object.shape = const_cast<fs_shape*>(assets[0].shape.get());
   object.front.curve = const_cast<fs_curve*>(assets[1].curve.get());
   object.back.curve = const_cast<fs_curve*>(assets[2].curve.get());
+  object.surface = const_cast<fs_surface*>(assets[3].surface.get());
 }
 
 }  // namespace fs

@@ -1,4 +1,4 @@
-// The shapes and curves that objects refer to. As they may be large and shared by many objects, they are sent once and on
+// The shapes, curves and surfaces that objects refer to. As they may be large and shared by many objects, they are sent once and on
 // their own, and the record of an object has only their numbers. Both ends keep them as Assets, and send PackedAssets.
 #pragma once
 
@@ -16,35 +16,45 @@
 
 namespace fs {
 
-// A shape or curve that the server had offered, and offers no longer. Its status is STATE.
+// A shape, curve or surface that the server had offered, and offers no longer. Its status is STATE.
 struct NotOffered : Error {};
 
-// A shape, or a curve, or neither.
+// A shape, a curve, a surface, or nothing.
 struct Asset {
   Ref<const Shape> shape;
   Ref<const Curve> curve;
+  Ref<const Surface> surface;
 
-  static Asset of(const fs_shape* shape) { return {Ref<const Shape>::retain(shape), nullptr}; }
-  static Asset of(const fs_curve* curve) { return {nullptr, Ref<const Curve>::retain(curve)}; }
+  static Asset of(const fs_shape* shape) { return {Ref<const Shape>::retain(shape), nullptr, nullptr}; }
+  static Asset of(const fs_curve* curve) { return {nullptr, Ref<const Curve>::retain(curve), nullptr}; }
+  static Asset of(const fs_surface* surface) { return {nullptr, nullptr, Ref<const Surface>::retain(surface)}; }
 
-  explicit operator bool() const noexcept { return shape || curve; }
-  uint64_t serial() const noexcept { return shape ? shape->serial : curve ? curve->serial : 0; }  // 0: neither
+  explicit operator bool() const noexcept { return shape || curve || surface; }
+  uint64_t serial() const noexcept {  // 0: nothing
+    return shape ? shape->serial : curve ? curve->serial : surface ? surface->serial : 0;
+  }
+  // Keeps `what` alive as long as the asset. Called before any other thread has it.
+  void keep(std::shared_ptr<const void> what) const {
+    if (shape) shape->keep(std::move(what));
+    else if (curve) curve->keep(std::move(what));
+    else if (surface) surface->keep(std::move(what));
+  }
   uint64_t bytes() const noexcept;  // of the file when it is packed
 };
 
 // An asset as it travels: its record, and a sealed file with what does not fit into that.
 struct PackedAsset {
-  wire::Type type{};    // type_shape or type_curve: which of the records counts
+  wire::Type type{};    // type_shape, type_curve or type_surface: which of the records counts
   wire::Shape shape{};
   wire::Curve curve{};
+  wire::Surface surface{};
   Descriptor content;
 
   // From a message of such a type, whose size was checked.
   static PackedAsset of(wire::Type type, std::span<const std::byte> record, Descriptor&& content);
 
-  uint64_t id() const noexcept { return type == wire::type_shape ? shape.id : curve.id; }
-  void set_id(uint64_t id) noexcept { (type == wire::type_shape ? shape.id : curve.id) = id; }
-  bool is_expression() const noexcept { return type == wire::type_curve && curve.count == 0; }
+  uint64_t& id() noexcept { return type == wire::type_shape ? shape.id : type == wire::type_curve ? curve.id : surface.id; }
+  bool has_content() const noexcept { return type == wire::type_shape || (type == wire::type_curve && curve.count > 0); }
   std::span<const std::byte> record() const noexcept;
   uint64_t content_bytes() const;  // that the file must have. INVALID: the record is no good
 };
@@ -54,11 +64,16 @@ PackedAsset pack(const Asset& asset);
 // Trusts nothing in it. INVALID, PARSE, UNSUPPORTED, IO; throws Stopped.
 Asset unpack(PackedAsset&& packed, StopToken& stop);
 
-// What an object refers to, and the numbers of these: its shape, the curve of its front, the curve of its back.
-using Assets = std::array<Asset, 3>;
-using AssetIds = std::array<uint64_t, 3>;  // 0: none
+inline constexpr bool is_asset(uint32_t type) {
+  return type == wire::type_shape || type == wire::type_curve || type == wire::type_surface;
+}
 
-inline constexpr std::array<uint32_t, 3> asset_parts = {FS_PART_SHAPE, FS_PART_PROFILES, FS_PART_PROFILES};
+// What an object refers to, and the numbers of these: its shape, the curve of its front, the curve of its back, its surface.
+using Assets = std::array<Asset, 4>;
+using AssetIds = std::array<uint64_t, 4>;  // 0: none
+
+inline constexpr std::array<uint32_t, 4> asset_parts = {FS_PART_SHAPE, FS_PART_PROFILES, FS_PART_PROFILES, FS_PART_CONTACT};
+inline constexpr std::array<wire::Type, 4> asset_types = {wire::type_shape, wire::type_curve, wire::type_curve, wire::type_surface};
 
 // Only those that belong to `parts` (fs_part bits).
 Assets assets_of(const Object& object, uint64_t parts = all_parts);

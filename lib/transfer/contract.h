@@ -103,8 +103,9 @@ struct Object {
   uint64_t tool_points;
   uint64_t enabled;
   double lifetime;
+  uint64_t surface;
 };
-static_assert(sizeof(Object) == 608);
+static_assert(sizeof(Object) == 616);
 
 // How much of the record is known to who knows so much of the struct, and the other way round: whole fields.
 struct KnownEnd {
@@ -125,8 +126,9 @@ inline constexpr KnownEnd known_ends[] = {
     {564, 592},  // tool_points
     {565, 600},  // enabled
     {576, 608},  // lifetime
+    {584, 616},  // surface
 };
-static_assert(known_ends[13].of_record == sizeof(Object));
+static_assert(known_ends[14].of_record == sizeof(Object));
 
 inline uint32_t record_bytes(uint64_t struct_bytes) {
   uint32_t out = 0;

@@ -55,6 +55,7 @@ std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noex
   switch (type) {
     case type_shape: return sizeof(wire::Shape);
     case type_curve: return sizeof(wire::Curve);
+    case type_surface: return sizeof(wire::Surface);
     case type_forget: return sizeof(Forget);
     case type_place: return sizeof(Place);
     case type_remove: return sizeof(Remove);

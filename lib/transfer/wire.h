@@ -48,10 +48,10 @@ struct HelloAnswer {  // the server's first; FS_OK: a Welcome follows in it, and
 
 // ----------------------------------------------------------------------------------------------------- the bounds
 
-// For a client that may have so many objects: the changes of a group; the shapes and curves at the server, which are those
+// For a client that may have so many objects: the changes of a group; the shapes, curves and surfaces at the server, which are those
 // of its objects and of a group on its way.
 inline constexpr size_t most_changes(uint32_t max_objects) { return 4 * size_t{max_objects} + 64; }
-inline constexpr size_t most_assets(uint32_t max_objects) { return 3 * (most_changes(max_objects) + max_objects); }
+inline constexpr size_t most_assets(uint32_t max_objects) { return 4 * (most_changes(max_objects) + max_objects); }
 
 // ----------------------------------------------------------------------------------------------------- the records
 
@@ -84,12 +84,13 @@ enum Type : uint32_t {
   type_bind,         // Bind
   type_accuracy,     // Accuracy
   type_max_stiffness, // MaxStiffness
+  type_surface,      // Surface
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
   type_pull,         // Target: an own object, or empty: the next that the client must be told of. Reply, PullAnswer
   type_get,          // Target. Reply, Object
-  type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
+  type_fetch,        // Fetch. Reply, Shape, Curve or Surface, and the descriptor that goes with it
   type_report,       // Target. Reply, fs_report
   type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
   type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
@@ -126,8 +127,8 @@ enum ReplyReason : uint32_t {
   reason_not_offered,            // STATE: the client has to send the shape or curve as its own
 };
 
-// Shapes and curves are named by numbers that never come twice in a process. In the records of both ends it is the client's
-// number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
+// Shapes, curves and surfaces are named by numbers that never come twice in a process. In the records of both ends it is the client's
+// number, of one that the client has sent in a Shape, Curve or Surface; or, with the bit `of_server`, the server's.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
 // An Object and its Profiles are in contract.h. In an Object no default is left: of its times only lifetime may be 0.
 
@@ -201,7 +202,12 @@ struct Curve {
   char expression[256];
 };
 
-struct Forget {  // a shape or curve that no object of the client uses any more
+struct Surface {
+  uint64_t id;
+  std::byte settings[256];       // fs_surface_settings, as far as its sender knows it; the rest is 0
+};
+
+struct Forget {  // a shape, curve or surface that no object of the client uses any more
   uint64_t id;
 };
 
@@ -232,7 +238,7 @@ enum PulledState : uint32_t {
   pulled_absent,                 // there is no object of its name
   pulled_refused,                // there is none, as it was refused
   pulled_waiting,                // a change of the client's own waits for a shape: its outcome is told later
-  pulled_asset,                  // the shape or curve of number object.shape was refused: it has to be sent again
+  pulled_asset,                  // the shape, curve or surface of number object.shape was refused: it has to be sent again
   pulled_view                    // frame and tool
 };
 
@@ -264,6 +270,7 @@ static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
 static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
+static_assert(sizeof(Surface) == 264 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
 static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1016);
