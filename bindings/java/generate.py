@@ -200,7 +200,7 @@ def take_handles(struct_):
         return ""
     lines = "".join(f"    memory.take(at + {at}, pointer -> new {class_of(h)}(Native.{h}_retain(pointer)));\n"
                     for at, h in handle_places(struct_))
-    return f"""  /** The shapes and curves that the library gave become this object's own. */
+    return f"""  /** The shapes, curves and surface that the library gave become this object's own. */
   void takeHandles() {{
 {lines}  }}
 

@@ -61,7 +61,7 @@ typedef struct fs_client {
                                    objects by it */
            refused;             /* changes by it that were refused */
   uint64_t limited;             /* ticks in which force_limit bounded it */
-  uint64_t shape_bytes;         /* size of its shapes and curves at the server */
+  uint64_t shape_bytes;         /* size of its shapes, curves and surfaces at the server */
   uint64_t reserved[4];         /* 0 */
 } fs_client;
 

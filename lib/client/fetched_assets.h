@@ -1,4 +1,4 @@
-// Finds the shapes and curves that records of the server refer to: those that this client has sent, and those of others, which
+// Finds the shapes, curves and surfaces that records of the server refer to: those that this client has sent, and those of others, which
 // are fetched from the server. The newest that were fetched are kept for the next record.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The shapes and curves that the server has from this client, and how many of its objects use each. An asset is sent before
+// The shapes, curves and surfaces that the server has from this client, and how many of its objects use each. An asset is sent before
 // an object uses it. When no object uses it any more, the server is told to forget it; but only after the server has applied
 // the change that ended the use, because if that is refused, the asset is used again.
 #pragma once

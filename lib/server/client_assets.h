@@ -1,4 +1,4 @@
-// What the numbers of shapes and curves mean between the server and one client. The client's numbers mean uploads, which the
+// What the numbers of shapes, curves and surfaces mean between the server and one client. The client's numbers mean uploads, which the
 // client has sent; the server's numbers mean offers, assets of others that the client was told of and may fetch or use. The
 // bytes of uploads are counted, and the client is told which uploads were refused.
 #pragma once

@@ -166,7 +166,7 @@ Task Session::handle(Message& message) {
   co_await apply(batch);
 }
 
-// ------------------------------------------------------------------------------------------------- shapes and curves
+// ---------------------------------------------------------------------------------------- shapes, curves and surfaces
 
 void Session::take_asset(PackedAsset&& packed) {
   Client& client = *client_;

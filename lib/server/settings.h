@@ -10,7 +10,7 @@ namespace fs {
 // fs_server_options, checked, with the defaults for what was left 0.
 struct ServerSettings {
   uint32_t max_clients, max_objects;
-  uint64_t max_bytes;  // of shapes and curves, for each client
+  uint64_t max_bytes;  // of shapes, curves and surfaces, for each client
   double lease;        // s
   Channel::Limits limits;
   bool is_locked, is_for_all_users;

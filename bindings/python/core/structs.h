@@ -120,7 +120,7 @@ class Class {
     };
     class_.def(py::init(init), signature);
     const auto copy = [](const py::object& self) { return copied(self, py::none()); };
-    class_.def("copy", copy, "copy($self)\n--\n\nA copy that shares nothing with this one but shapes and curves.");
+    class_.def("copy", copy, "copy($self)\n--\n\nA copy that shares nothing with this one but shapes, curves and surfaces.");
     class_.def("__copy__", copy);
     class_.def("__deepcopy__", &Class::copied);
     class_.def("__reduce_ex__", [](const py::object& self, const py::object&) { return reduced(self); });

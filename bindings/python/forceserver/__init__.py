@@ -43,14 +43,14 @@ del _refuse_subinterpreter
 
 from . import _core, _objects, _plot, _scene, _table  # noqa: E402
 from ._core import *  # noqa: E402, F403
-from ._core import Curve, Shape, version  # noqa: E402
+from ._core import Curve, Shape, Surface, version  # noqa: E402
 from ._objects import *  # noqa: E402, F403
 from ._plot import *  # noqa: E402, F403
 from ._scene import *  # noqa: E402, F403
 from ._table import *  # noqa: E402, F403
 
 __version__ = version()
-__all__ = ["Curve", "Shape"]
+__all__ = ["Curve", "Shape", "Surface"]
 __all__ += _core.__all__
 __all__ += _objects.__all__
 __all__ += _plot.__all__

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Unpack
 import numpy as np
 
 from . import _core
-from ._core import Curve, Object, Primitive, Profile, ProfileKind, Shape
+from ._core import Curve, Object, Primitive, Profile, ProfileKind, Shape, Surface, SurfaceSettings
 
 __all__ = [
     "Constant",
@@ -28,6 +28,7 @@ __all__ = [
     "Wall",
     "intensity",
     "law",
+    "surface",
 ]
 
 if TYPE_CHECKING:
@@ -81,8 +82,13 @@ def _reduce_curve(curve: Curve) -> tuple[Any, ...]:
     return _core.curve_create_table, (table, step)
 
 
+def _reduce_surface(surface: Surface) -> tuple[Any, ...]:
+    return _core.surface_create, (surface.get_settings(),)
+
+
 copyreg.pickle(Shape, _reduce_shape)
 copyreg.pickle(Curve, _reduce_curve)
+copyreg.pickle(Surface, _reduce_surface)
 
 
 # ------------------------------------------------------------------------------------------------------------ profiles
@@ -284,6 +290,24 @@ def law(
     fs_object_evaluate_law. t: the older name of `time`.
     """
     return _core.object_evaluate_law(object, max_stiffness, the_time(time, t), distances, out)
+
+
+# ------------------------------------------------------------------------------------------------------------ surfaces
+
+
+def surface(*, static_friction: float = 0, dynamic_friction: float | None = None, slip_distance: float = 0) -> Surface:
+    """What the surface of a solid object does: `surface=` of a Plane or Mesh.
+
+    static_friction, dynamic_friction: the Coulomb coefficient while it sticks and while it slips, 0..2; without the second both
+    are equal. slip_distance: m, over which the one becomes the other. See fs_surface_settings.
+    """
+    return _core.surface_create(
+        SurfaceSettings(
+            static_friction=static_friction,
+            dynamic_friction=static_friction if dynamic_friction is None else dynamic_friction,
+            slip_distance=slip_distance,
+        )
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------- primitives

@@ -1,6 +1,6 @@
 """What was edited, step by step, for all browsers together: each gesture is one step that can be undone and done again.
 
-Own objects are remembered whole, with their shapes and curves; of another client's object only the parts that were
+Own objects are remembered whole, with their shapes, curves and surfaces; of another client's object only the parts that were
 touched. A step is not undone if somebody else has changed the same parts since: it is left out then. Frame, tool and
 clutch of the editor's own scene are settings, which nobody else can change.
 """

@@ -8,7 +8,7 @@ import java.util.concurrent.locks.ReentrantLock;
 import java.util.function.LongFunction;
 
 /**
- * The bytes of one or several structs, and the shapes and curves that they hold. A pointer stands in the bytes only
+ * The bytes of one or several structs, and the shapes, curves and surfaces that they hold. A pointer stands in the bytes only
  * while a call is under way that was lent a struct: between lend() and close(). So no pointer outlives what it points to.
  */
 final class Memory {

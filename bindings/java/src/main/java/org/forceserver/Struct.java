@@ -30,7 +30,7 @@ public abstract class Struct {
     return struct.address;
   }
 
-  /** Takes the values of another struct of the same class, and keeps the shapes and curves that it has. */
+  /** Takes the values of another struct of the same class, and keeps the shapes, curves and surfaces that it has. */
   final void copy(Struct other) {
     if (other.memory != memory || other.at != at) {
       memory.bytes.put(at, other.memory.bytes, other.at, size);
@@ -38,7 +38,7 @@ public abstract class Struct {
     }
   }
 
-  /** Whether it is of the same class, has the same values, and the same shapes and curves. */
+  /** Whether it is of the same class, has the same values, and the same shapes, curves and surfaces. */
   @Override public final boolean equals(Object other) {
     return other instanceof Struct that && getClass() == that.getClass()
         && memory.bytes.slice(at, size).equals(that.memory.bytes.slice(that.at, size))
