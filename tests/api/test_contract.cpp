@@ -61,12 +61,16 @@ struct World {
   std::vector<double> doubles{1, 2, 3};
   double number = 0;
   size_t count = 0;
+  fs_surface_settings settings = fs_surface_settings_init();
+  fs_surface* surface = nullptr;
+  ~World() { fs_surface_destroy(surface); }
   const Folder folder;
   std::string scene_path = folder / "scene.json", mesh_path = folder / "mesh.obj";
 
   World() {
     curve_owner = make_table(doubles.data(), 3, 0.1);
     curve = curve_owner.get();
+    require(fs_surface_create(&settings, &surface), "fs_surface_create");
     require(fs_object_set(scene, &object), "fs_object_set");
     require(fs_servo_step(servo, 5), "fs_servo_step");
     fs_server* server = nullptr;
@@ -97,6 +101,7 @@ static T* but(int turn, int i, T* p) {
 static void give_back(fs_scene* scene) { fs_scene_destroy(scene); }
 static void give_back(fs_shape* shape) { fs_shape_destroy(shape); }
 static void give_back(fs_curve* curve) { fs_curve_destroy(curve); }
+static void give_back(fs_surface* surface) { fs_surface_destroy(surface); }
 static void give_back(fs_tool* tool) { fs_tool_destroy(tool); }
 static void give_back(fs_device* device) { fs_device_close(device); }
 static void give_back(fs_servo* servo) { fs_servo_stop(servo); }
@@ -122,6 +127,7 @@ struct Call {
 static fs_scene* new_scene;
 static fs_shape* new_shape;
 static fs_curve* new_curve;
+static fs_surface* new_surface;
 static fs_tool* new_tool;
 static fs_device* new_device;
 static fs_servo* new_servo;
@@ -163,6 +169,14 @@ static const std::vector<Call> calls{
     {"fs_curve_create_expression", 2, has_expressions() ? FS_OK : FS_ERROR_UNSUPPORTED, [](World&, int n) {
        fs_curve** out = but(n, 1, &new_curve);
        return made(out, fs_curve_create_expression(but(n, 0, "d"), out));
+     }},
+
+    {"fs_surface_create", 2, FS_OK, [](World& w, int n) {
+       fs_surface** out = but(n, 1, &new_surface);
+       return made(out, fs_surface_create(but(n, 0, &w.settings), out));
+     }},
+    {"fs_surface_get_settings", 2, FS_OK, [](World& w, int n) {
+       return fs_surface_get_settings(but(n, 0, w.surface), but(n, 1, &w.settings));
      }},
 
     {"fs_scene_create", 1, FS_OK, [](World&, int n) {
@@ -355,7 +369,7 @@ END_TEST
 static const char* const others[]{
     "fs_version", "fs_status_name", "fs_last_error", "fs_object_release", "fs_shape_retain", "fs_shape_destroy",
     "fs_shape_get_points", "fs_shape_get_triangles", "fs_curve_get_expression", "fs_curve_get_table", "fs_curve_retain",
-    "fs_curve_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
+    "fs_curve_destroy", "fs_surface_retain", "fs_surface_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
     "fs_fail", "fs_primitive_name", "fs_profile_kind_name", "fs_sense_name", "fs_object_state_name",
     "fs_event_kind_name", "fs_realtime_name", "fs_fault_name", "fs_state_reason"};
 
@@ -368,6 +382,9 @@ START_TEST(the_others) {
   fs_object_release(nullptr);
   ck_assert_ptr_null(fs_shape_retain(nullptr));
   ck_assert_ptr_null(fs_curve_retain(nullptr));
+  ck_assert_ptr_null(fs_surface_retain(nullptr));
+  fs_surface_destroy(fs_surface_retain(w.surface));
+  fs_surface_destroy(nullptr);
   fs_shape_destroy(fs_shape_retain(w.shape));
   fs_curve_destroy(fs_curve_retain(w.curve));
   size_t count = 7;

@@ -39,7 +39,7 @@ extern "C" int memfd_create(const char* name, unsigned flags) {
 
 static fs::Asset line() {
   static const fs::Vec3 points[]{{0, 0, 0}, {0.01, 0, 0}, {0.02, 0.01, 0}};
-  return {fs::make_polyline(points, 3, false), nullptr};
+  return {fs::make_polyline(points, 3, false), nullptr, nullptr};
 }
 
 START_TEST(a_refused_shape_is_sent_again_in_two_tries) {

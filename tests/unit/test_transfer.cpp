@@ -130,13 +130,55 @@ START_TEST(what_is_malformed_is_refused) {
 }
 END_TEST
 
+static Ref<const Surface> sticky() {
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.static_friction = 0.7;
+  settings.dynamic_friction = 0.3;
+  settings.slip_distance = 1e-3;
+  return make_surface(settings);
+}
+
+// What a hostile end may send.
+START_TEST(surfaces_that_are_refused) {
+  const PackedAsset good = pack({nullptr, nullptr, sticky()});
+  const auto refused = [&](size_t at, const auto& value, fs_status status) {
+    PackedAsset bad = PackedAsset::of(good.type, good.record(), {});
+    std::memcpy(bad.surface.settings + at, &value, sizeof value);
+    StopToken stop;
+    try {
+      unpack(std::move(bad), stop);
+      ck_abort_msg("byte %zu: it is taken", at);
+    } catch (const Error& error) {
+      ck_assert_msg(error.status == status, "byte %zu: %s", at, error.text.c_str());
+    }
+  };
+  for (const uint32_t size : {0u, 3u, 257u, 4096u, ~0u}) refused(0, size, FS_ERROR_INVALID);
+  refused(4, 1u, FS_ERROR_INVALID);
+  for (const double bad : {-1.0, 2.5, double{NAN}, double{INFINITY}}) refused(8, bad, FS_ERROR_INVALID);
+  // What a later version has appended, and this one does not know.
+  PackedAsset later = PackedAsset::of(good.type, good.record(), {});
+  const uint32_t size = sizeof(fs_surface_settings) + 8;
+  std::memcpy(later.surface.settings, &size, sizeof size);
+  StopToken stop;
+  ck_assert(unpack(PackedAsset::of(later.type, later.record(), {}), stop).surface);
+  later.surface.settings[sizeof(fs_surface_settings)] = std::byte{1};
+  try {
+    unpack(std::move(later), stop);
+    ck_abort_msg("it is taken");
+  } catch (const Error& error) {
+    ck_assert_int_eq(error.status, FS_ERROR_VERSION);
+  }
+}
+END_TEST
+
 START_TEST(assets_come_back_as_they_were) {
   const Vec3 points[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const uint32_t triangles[] = {0, 1, 2, 0, 2, 3};
   const double forces[] = {3, 2, 0};
-  std::vector<Asset> assets = {{make_polyline(points, 4, true), nullptr},
-                               {make_mesh(points, 4, triangles, 2), nullptr},
-                               {nullptr, make_table_curve(forces, 3, 0.01)}};
+  std::vector<Asset> assets = {{make_polyline(points, 4, true), nullptr, nullptr},
+                               {make_mesh(points, 4, triangles, 2), nullptr, nullptr},
+                               {nullptr, make_table_curve(forces, 3, 0.01), nullptr},
+                               {nullptr, nullptr, sticky()}};
   for (const Asset& asset : assets) {
     PackedAsset packed = pack(asset);
     ck_assert_uint_eq(packed.id(), asset.serial());
@@ -150,6 +192,8 @@ START_TEST(assets_come_back_as_they_were) {
       ck_assert(back.shape->points.size() == asset.shape->points.size());
       ck_assert(back.shape->triangles == asset.shape->triangles);
       ck_assert_int_eq(back.shape->closed, asset.shape->closed);
+    } else if (asset.surface) {
+      ck_assert_mem_eq(&back.surface->settings, &asset.surface->settings, sizeof(fs_surface_settings));
     } else {
       ck_assert(*back.curve->table() == *asset.curve->table());
       ck_assert_double_eq(back.curve->step(), asset.curve->step());
@@ -161,20 +205,23 @@ END_TEST
 START_TEST(an_object_keeps_its_assets) {
   const Vec3 points[] = {{0, 0, 0}, {1, 0, 0}};
   const double forces[] = {3, 2, 0};
-  const Assets assets = {Asset{make_polyline(points, 2, false), nullptr}, Asset{}, Asset{nullptr, make_table_curve(forces, 3, 0.01)}};
+  const Assets assets = {Asset{make_polyline(points, 2, false), nullptr, nullptr}, Asset{},
+                         Asset{nullptr, make_table_curve(forces, 3, 0.01), nullptr}, Asset{nullptr, nullptr, sticky()}};
   fs_object object = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
   object.shape = const_cast<fs_shape*>(assets[0].shape.get());
   object.back.curve = const_cast<fs_curve*>(assets[2].curve.get());
+  object.surface = const_cast<fs_surface*>(assets[3].surface.get());
   ck_assert(ids_of(assets_of(object)) == ids_of(assets));
-  ck_assert(ids_of(assets_of(object, FS_PART_SHAPE)) == (AssetIds{assets[0].serial(), 0, 0}));
+  ck_assert(ids_of(assets_of(object, FS_PART_SHAPE)) == (AssetIds{assets[0].serial(), 0, 0, 0}));
   wire::Object record = to_record(object);
   ck_assert(ids_of(record) == AssetIds{});
   put_ids(record, ids_of(assets));
-  ck_assert(ids_of(record, FS_PART_PROFILES) == (AssetIds{0, 0, assets[2].serial()}));
+  ck_assert(ids_of(record, FS_PART_PROFILES) == (AssetIds{0, 0, assets[2].serial(), 0}));
   const LinkedObject linked(record, assets);
   ck_assert_ptr_eq(linked.object.shape, object.shape);
   ck_assert_ptr_null(linked.object.front.curve);
   ck_assert_ptr_eq(linked.object.back.curve, object.back.curve);
+  ck_assert_ptr_eq(linked.object.surface, object.surface);
 }
 END_TEST
 

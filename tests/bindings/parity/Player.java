@@ -25,6 +25,7 @@ public final class Player implements AutoCloseable {
   private Server server;
   private final Map<String, Shape> shapes = new HashMap<>();
   private final Map<String, Curve> curves = new HashMap<>();
+  private final Map<String, Surface> surfaces = new HashMap<>();
   private StringBuilder line = new StringBuilder();
 
   Player(Map<?, ?> scenario, boolean connected, Path folder) throws InterruptedException {
@@ -223,6 +224,7 @@ public final class Player implements AutoCloseable {
     if (o.containsKey("back")) out.back(profile(o.get("back")));
     if (o.containsKey("solid")) out.contact(new Contact().keep(Keep.FRONT).stiffness(number(o, "solid")).limit(10));
     if (o.containsKey("shape")) out.shape(shapes.get(o.get("shape")));
+    if (o.containsKey("surface")) out.surface(surfaces.get(o.get("surface")));
     if (o.containsKey("enabled")) out.enabled((Boolean) o.get("enabled"));
     return out;
   }
@@ -283,6 +285,8 @@ public final class Player implements AutoCloseable {
       }
       case "curve" -> curves.put(name, step.containsKey("table")
           ? Curve.table(number(step, "step"), numbers(step.get("table"))) : Curve.expression((String) step.get("expression")));
+      case "surface" -> surfaces.put(name, Surface.of(new SurfaceSettings().staticFriction(number(step, "static"))
+          .dynamicFriction(number(step, "dynamic")).slipDistance(number(step, "distance"))));
       case "profile" -> {
         DoubleBuffer distances = Buffers.of(numbers(step.get("distances"))), forces = Buffers.doubles(distances.capacity());
         double maxStiffness = step.containsKey("max_stiffness") ? number(step, "max_stiffness") : 0;
@@ -341,6 +345,10 @@ public final class Player implements AutoCloseable {
           if (curve.expression() != null) give(curve.expression());
           give(curve.table());
           give(curve.step());
+        }
+        if (o.surface() != null) {
+          SurfaceSettings settings = o.surface().settings();
+          give(settings.staticFriction(), settings.dynamicFriction(), settings.slipDistance());
         }
       }
       case "motions" -> {

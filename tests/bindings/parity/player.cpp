@@ -79,6 +79,7 @@ class Player {
     fs_scene_destroy(base_);
     for (const auto& [name, shape] : shapes_) fs_shape_destroy(shape);
     for (const auto& [name, curve] : curves_) fs_curve_destroy(curve);
+    for (const auto& [name, surface] : surfaces_) fs_surface_destroy(surface);
   }
   Player(const Player&) = delete;
 
@@ -161,6 +162,7 @@ class Player {
     if (o.contains("back")) out.back = profile(o["back"]);
     out.damping = o.value("damping", 0.0);
     if (o.contains("solid")) out.contact = {FS_KEEP_FRONT, 0, o["solid"], 10, 0, 0, {}};
+    if (o.contains("surface")) out.surface = surfaces_.at(o["surface"]);
     if (o.contains("shape")) out.shape = shapes_.at(o["shape"]);
     out.tool_points = o.value("tool_points", 0u);
     out.enabled = o.value("enabled", true);
@@ -231,6 +233,13 @@ class Player {
         check(fs_curve_create_expression(step.at("expression").get<std::string>().c_str(), &curve));
       }
       curves_[name] = curve;
+    } else if (verb == "surface") {
+      fs_surface_settings settings = fs_surface_settings_init();
+      settings.static_friction = step.at("static"), settings.dynamic_friction = step.at("dynamic");
+      settings.slip_distance = step.at("distance");
+      fs_surface* surface;
+      check(fs_surface_create(&settings, &surface));
+      surfaces_[name] = surface;
     } else if (verb == "profile") {
       const fs_profile p = profile(step.at("profile"));
       const std::vector<double> distances = step.at("distances");
@@ -302,6 +311,11 @@ class Player {
         const double* table = fs_curve_get_table(o.front.curve, &count, &table_step);
         for (size_t i = 0; table && i < count; ++i) give(table[i]);
         give(table_step);
+      }
+      if (o.surface) {
+        fs_surface_settings settings = fs_surface_settings_init();
+        check(fs_surface_get_settings(o.surface, &settings));
+        give(settings.static_friction), give(settings.dynamic_friction), give(settings.slip_distance);
       }
       fs_object_release(&o);
     } else if (verb == "motions") {
@@ -481,6 +495,7 @@ class Player {
   fs_server* server_ = nullptr;
   std::map<std::string, fs_shape*> shapes_;
   std::map<std::string, fs_curve*> curves_;
+  std::map<std::string, fs_surface*> surfaces_;
 };
 
 }  // namespace

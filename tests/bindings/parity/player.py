@@ -19,7 +19,7 @@ class Player:
     def __init__(self, scenario, connected, folder, stack):
         self.scenario, self.connected, self.folder, self.stack = scenario, connected, pathlib.Path(folder), stack
         self.places = scenario["places"]
-        self.shapes, self.curves, self.given = {}, {}, []
+        self.shapes, self.curves, self.surfaces, self.given = {}, {}, {}, []
         self.scene, self.servo = stack.enter_context(fs.Scene()), None
         self.scenes = {}  # connected: the server's own, and that of another client
         self.device = stack.enter_context(fs.Device(scenario["device"]))
@@ -96,6 +96,8 @@ class Player:
                 value = getattr(self, name)(value)
             elif name == "shape":
                 value = self.shapes[value]
+            elif name == "surface":
+                value = self.surfaces[value]
             elif name == "solid":
                 name, value = "contact", fs.Contact(keep="front", stiffness=value, limit=10)
             if name != "wall":
@@ -129,6 +131,9 @@ class Player:
 
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
+
+    def do_surface(self, name, static, dynamic, distance):
+        self.surfaces[name] = fs.surface(static_friction=static, dynamic_friction=dynamic, slip_distance=distance)
 
     def do_profile(self, profile, t, distances, max_stiffness=0):
         self.give(fs.intensity(self.profile(profile), distances, t, max_stiffness=max_stiffness))
@@ -180,6 +185,10 @@ class Player:
             expression = curve.get_expression()
             table, step = curve.get_table()
             self.give(*([expression] if expression else [table]), step)
+
+        if o.surface:
+            settings = o.surface.get_settings()
+            self.give(settings.static_friction, settings.dynamic_friction, settings.slip_distance)
 
     def do_motions(self, client=None):
         for m in self.scene.get_motions(client):
