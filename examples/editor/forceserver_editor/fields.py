@@ -37,6 +37,25 @@ def make_shape(value: Any) -> fs.Shape:
         raise Refused("a polyline is a list of points", "shape") from None
 
 
+def put_surface(target: fs.Object, name: str, value: float) -> None:
+    """One setting of the surface. The dynamic coefficient goes along with the static one, and with these the contact needs none."""
+    settings = target.surface.get_settings() if target.surface is not None else fs.SurfaceSettings()
+    if name not in ("static_friction", "dynamic_friction", "slip_distance"):
+        raise Refused(f"surface has no field {name}")
+    setattr(settings, name, value)
+    if name == "static_friction":
+        known = settings.dynamic_friction if settings.dynamic_friction > 0 else value
+        settings.dynamic_friction = min(max(known, value / 10), value)
+    try:
+        target.surface = fs.surface_create(settings) if settings.static_friction != 0 else None
+    except fs.Error as error:
+        raise refusal(error, "surface") from None
+    if target.surface is not None:
+        contact = target.contact.copy()
+        contact.friction = 0
+        target.contact = contact
+
+
 def put(target: fs.Object, fields: Mapping[str, Any], now: float) -> int:
     """Puts fields such as "front.gain" or "pose.position" into the object. Returns the fs_part bits of what they change.
 
@@ -77,13 +96,15 @@ def _fit(target: fs.Object) -> int:
         target.shape = fs.shape_create_polyline(np.array([[0, 0, 0], [0.05, 0, 0]], float), False)
     if kind in (fs.Primitive.PLANE, fs.Primitive.MESH):
         return int(fs.Part.SHAPE)
-    target.back, target.contact = fs.Profile(), fs.Contact()
+    target.back, target.contact, target.surface = fs.Profile(), fs.Contact(), None
     return int(fs.Part.SHAPE | fs.Part.PROFILES | fs.Part.CONTACT)
 
 
 def _put_one(target: fs.Object, first: str, rest: str, value: Any) -> None:
     if first == "shape":
         target.shape = value if isinstance(value, fs.Shape) else make_shape(value)
+    elif first == "surface":
+        put_surface(target, rest, float(value))
     elif first == "primitive":
         target.primitive = fs.Primitive[str(value).upper()]
     elif first == "enabled":

@@ -21,7 +21,7 @@ Plain = dict[str, Any]
 PART_FIELDS = {
     int(fs.Part.POSE): ("pose", "twist"),
     int(fs.Part.PROFILES): ("front", "back", "damping", "start"),
-    int(fs.Part.CONTACT): ("contact",),
+    int(fs.Part.CONTACT): ("contact", "surface"),
     int(fs.Part.SHAPE): ("primitive", "shape"),
     int(fs.Part.OTHER): ("lifetime", "tool_points", "enabled"),
 }
@@ -72,6 +72,11 @@ def profile(value: fs.Profile) -> Plain:
 def contact(value: fs.Contact) -> Plain:
     names = ("stiffness", "limit", "damping", "friction")
     return {"keep": value.keep.name.lower()} | {name: number(getattr(value, name)) for name in names}
+
+
+def surface(value: fs.Surface | None) -> Plain:
+    settings = value.get_settings() if value is not None else fs.SurfaceSettings()
+    return {name: getattr(settings, name) for name in ("static_friction", "dynamic_friction", "slip_distance")}
 
 
 def pose(value: fs.Pose) -> Plain:
@@ -158,6 +163,7 @@ def plain(value: fs.Object, shapes: Shapes) -> Plain:
         "back": profile(value.back),
         "damping": number(value.damping),
         "contact": contact(value.contact),
+        "surface": surface(value.surface),
         "shape": shapes.describe(value),
         "tool_points": value.tool_points,
         "enabled": value.enabled,

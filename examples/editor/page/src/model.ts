@@ -9,10 +9,11 @@ export interface Profile {
   kind: string; sense: string; gain: number; offset: number; width: number; limit: number; reach: number; curve: Curve | null;
 }
 export interface Contact { keep: string; stiffness: number; limit: number; damping: number; friction: number }
+export interface Surface { static_friction: number; dynamic_friction: number; slip_distance: number }
 export interface ShapeInfo { hash: string; points: number; triangles: number; closed: boolean; centre: Vec; radius: number }
 export interface Told {
   id: number; name: string; short: string; client: string; own: boolean; primitive: Primitive;
-  start: number; lifetime: number; front: Profile; back: Profile; damping: number; contact: Contact;
+  start: number; lifetime: number; front: Profile; back: Profile; damping: number; contact: Contact; surface: Surface;
   shape: ShapeInfo | null; tool_points: number; enabled: boolean;
 }
 export interface Client {

@@ -230,6 +230,15 @@ export class Panel {
       this.add(box, field, (item) => item.told.contact[name] as number,
         () => this.items.every((item) => item.told.contact.keep !== "none"));
     }
+    const surface: [keyof Item["told"]["surface"], string, string, string][] = [
+      ["static_friction", "static friction", "", "While it sticks, 0 to 2; instead of the friction above"],
+      ["dynamic_friction", "dynamic friction", "", "While it slips, a tenth of the static one at least"],
+      ["slip_distance", "slip distance", "m", "Over which the one becomes the other"],
+    ];
+    for (const [name, label, unit, title] of surface) {
+      const isThere = (item: Item) => item.told.contact.keep !== "none" && (name === "static_friction" || item.told.surface.static_friction > 0);
+      this.add(box, numberField(`surface.${name}`, label, unit, this.send, title), (item) => item.told.surface[name], () => this.items.every(isThere));
+    }
   }
 
   private makeOther(): void {
