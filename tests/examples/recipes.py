@@ -61,6 +61,15 @@ def solid(x):  # the hand has come from above
     return [0, 0, min(5, max(0, -0.2 * x[2]))]
 
 
+def check_stick_slip(lines):
+    """It sticks up to a lag of 1.6 mm; slips by s, with a lag of 1.6 mm - 0.4 s, down to 0.8 mm; and sticks when it comes back."""
+    wanted = [0, -0.5, -0.8, -2 / 3, -0.4, -0.4, 0.1, 0.4, -0.15, -0.8 + 0.2 * 0.2 / 0.6]
+    lines = list(lines)
+    expect(len(lines) == len(wanted), f"stick_slip has {len(lines)} lines")
+    for (where, x, force), aside in zip(lines, wanted):
+        expect(near(force, [aside, 0, 1]), f"stick_slip, {where} at {x[0]} mm: {force} N, not {aside}")
+
+
 def sphere(x):
     size = norm(x)
     return [0, 0, 0] if size == 0 else [min(10, max(0, 0.5 * (30 - size))) * value / size for value in x]
@@ -113,7 +122,8 @@ def by_formula(name, formula):
     return check
 
 
-CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box), "solid": by_formula("solid", solid), "sphere": by_formula("sphere", sphere),
+CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box),
+          "solid": by_formula("solid", solid), "stick_slip": check_stick_slip, "sphere": by_formula("sphere", sphere),
           "path": check_path, "gravity": by_formula("gravity", gravity), "viscous_zone": check_viscous_zone,
           "hazard": check_hazard, "magnet": by_formula("magnet", magnet)}
 
