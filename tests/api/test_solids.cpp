@@ -50,6 +50,7 @@ struct Play {
   FakeDevice fake;
   Scene scene = make_scene();
   std::vector<Shape> shapes;
+  std::vector<Surface> surfaces;
   std::vector<Solid> solids;
   Device device;
   Servo servo;
@@ -105,7 +106,7 @@ struct Play {
       s.object.pose = random.coin(0.2) ? at(random.in_box(size)) : random.pose(size);
       s.object.contact = solid(any_keep(), is_equal ? stiffness : random.log_between(50, 2000),
                                has_equal_limits ? limit : random.log_between(1, 50));
-      s.object.contact.friction = is_equal ? friction : random.between(0, 1);
+      rub(s, is_equal ? friction : random.between(0, 1));
       s.largest_limit = s.object.contact.limit;
       if (has_profiles && random.coin()) {
         const fs_sense sense = random.coin() ? FS_SENSE_REPULSIVE : FS_SENSE_ATTRACTIVE;
@@ -121,6 +122,17 @@ struct Play {
     std::vector<fs_vec3> tool(points);
     for (fs_vec3& p : tool) p = points > 1 ? random.in_box(0.01) : random.in_box(name_changes > 0 ? 0.005 : 0);
     require(fs_scene_set_tool(scene.get(), tool.data(), points), "fs_scene_set_tool");
+  }
+
+  // Gives it this friction: of its contact, or of a surface that sticks with it and slips with less.
+  void rub(Solid& s, double friction) {
+    const bool has_surface = friction > 0 && random.coin();
+    s.object.contact.friction = has_surface ? 0 : friction;
+    s.object.surface = nullptr;
+    if (!has_surface) return;
+    const double sliding = friction * random.between(0.1, 1), distance = random.coin() ? 0 : random.log_between(1e-5, 1e-2);
+    surfaces.push_back(make_surface(sticky(friction, sliding, distance)));
+    s.object.surface = surfaces.back().get();
   }
 
   fs_keep any_keep() { return random.coin(0.8) ? FS_KEEP_FRONT : random.coin() ? FS_KEEP_EITHER : FS_KEEP_BACK; }
@@ -154,7 +166,7 @@ struct Play {
           s.object.shape = any_shape();
         }
         if (kind == all_at_once && random.coin()) {
-          s.object.contact.friction = random.between(0, 1);
+          rub(s, random.between(0, 1));
           if (is_blended && random.coin()) s.object.contact.keep = random.coin(0.2) ? FS_KEEP_NONE : any_keep();
           s.object.contact.stiffness = solids[random.below(solids.size())].object.contact.stiffness;
           s.object.contact.limit = solids[random.below(solids.size())].object.contact.limit;

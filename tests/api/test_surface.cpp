@@ -10,21 +10,6 @@ using namespace scenes;
 
 namespace {
 
-using Surface = std::unique_ptr<fs_surface, decltype([](fs_surface* s) { fs_surface_destroy(s); })>;
-
-fs_surface_settings sticky(double still, double sliding, double distance) {
-  fs_surface_settings out = fs_surface_settings_init();
-  out.static_friction = still;
-  out.dynamic_friction = sliding;
-  out.slip_distance = distance;
-  return out;
-}
-Surface make_surface(const fs_surface_settings& settings) {
-  fs_surface* out = nullptr;
-  OK(fs_surface_create(&settings, &out));
-  return Surface(out);
-}
-
 // A table of such a surface, and a hand on it, 2 mm deep: 2 N.
 struct Table : Hand {
   Surface surface;

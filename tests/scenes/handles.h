@@ -11,6 +11,7 @@ using forceserver::Scene;
 using forceserver::Server;
 using forceserver::Servo;
 using forceserver::Shape;
+using forceserver::Surface;
 using forceserver::Tool;
 
 // These functions prepare a test. When the library refuses, they end the program with its error sentence.
@@ -25,5 +26,7 @@ Servo start_servo(fs_scene* scene, fs_device* device, const fs_servo_options& op
 Shape make_polyline(const fs_vec3* points, size_t count, bool closed);
 Curve make_table(const double* forces, size_t count, double step);
 Curve make_expression(const char* text);
+fs_surface_settings sticky(double static_friction, double dynamic_friction, double slip_distance);
+Surface make_surface(const fs_surface_settings& settings);
 
 }  // namespace scenes

@@ -60,6 +60,20 @@ Curve make_table(const double* forces, size_t count, double step) {
   return Curve(curve);
 }
 
+fs_surface_settings sticky(double static_friction, double dynamic_friction, double slip_distance) {
+  fs_surface_settings out = fs_surface_settings_init();
+  out.static_friction = static_friction;
+  out.dynamic_friction = dynamic_friction;
+  out.slip_distance = slip_distance;
+  return out;
+}
+
+Surface make_surface(const fs_surface_settings& settings) {
+  fs_surface* surface = nullptr;
+  require(fs_surface_create(&settings, &surface), "fs_surface_create");
+  return Surface(surface);
+}
+
 Curve make_expression(const char* text) {
   fs_curve* curve = nullptr;
   require(fs_curve_create_expression(text, &curve), "fs_curve_create_expression");
