@@ -25,7 +25,11 @@ bool FetchedAssets::is_here(const wire::Object& record) const {
 
 LinkedObject FetchedAssets::link(const wire::Object& record) const {
   const AssetIds ids = ids_of(record);
-  return {record, {find(ids[0]), find(ids[1]), find(ids[2])}};
+  Assets assets;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (ids[i]) assets[i] = find(ids[i]);
+  }
+  return {record, std::move(assets)};
 }
 
 LinkedObject FetchedAssets::receive(Call& call, const wire::Object& record) {

@@ -102,7 +102,8 @@ std::span<const std::byte> sent_change(uint32_t type, std::span<const std::byte>
 
 void require_known(const fs_object& object, const RecordSizes& common) {
   if (common.object == sizeof(wire::Object)) return;
-  const wire::Set set{0, 0, wire::to_record(object)};
+  wire::Set set{0, 0, wire::to_record(object)};
+  set.object.surface = object.surface ? 1 : 0;  // any number will do here
   sent_change(wire::type_set, std::as_bytes(std::span(&set, 1)), common);
 }
 

@@ -58,10 +58,27 @@ static int untouched(const unsigned char *bytes)
   return 1;
 }
 
-/* The last field of fs_object that its older versions lack. */
+/* The last field of fs_object that its older versions lack is a surface; each value here is one of another friction. */
+#define LAST_PART FS_PART_CONTACT
 #if PROGRAM >= 0
-#  define SET_LAST(object, value) ((object).lifetime = (value))
-#  define LAST(object) ((object).lifetime)
+static fs_surface *surface_of(double value)
+{
+  fs_surface_settings settings = fs_surface_settings_init();
+  fs_surface *out;
+  if (value == 0) return NULL;
+  settings.static_friction = settings.dynamic_friction = value / 1000;
+  OK(CALL(fs_surface_create)(&settings, &out));
+  return out;
+}
+static double value_of(const fs_surface *surface)
+{
+  fs_surface_settings settings = fs_surface_settings_init();
+  if (!surface) return 0;
+  OK(CALL(fs_surface_get_settings)(surface, &settings));
+  return settings.static_friction * 1000;
+}
+#  define SET_LAST(object, value) ((object).surface = surface_of(value))  /* kept until the program ends */
+#  define LAST(object) value_of((object).surface)
 #else
 #  define SET_LAST(object, value) ((void)(value))
 #  define LAST(object) 0.0
@@ -69,7 +86,8 @@ static int untouched(const unsigned char *bytes)
 
 static fs_object spring(const char *name)
 {
-  fs_object o = fs_object_init(name, FS_PRIMITIVE_POINT);
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);  /* which may have a surface; its front looks along x */
+  o.pose.orientation.w = o.pose.orientation.y = sqrt(0.5);
   o.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 3);
   return o;
 }
@@ -77,6 +95,7 @@ static fs_object spring(const char *name)
 static fs_object object_of(fs_scene *scene, const char *name)
 {
   FRAMED(fs_object) out;
+  fs_object last;
   FRAME(out, fs_object_init(NULL, FS_PRIMITIVE_POINT));
 #if PROGRAM > 0
   out.at.added = 7;  /* the library does not know it, so it becomes 0 */
@@ -86,8 +105,12 @@ static fs_object object_of(fs_scene *scene, const char *name)
 #if PROGRAM > 0
   CHECK(out.at.added == 0);
 #endif
+#if PROGRAM >= 0
+  CALL(fs_surface_retain)(out.at.surface);
+#endif
+  last = out.at;
   CALL(fs_object_release)(&out.at);
-  return out.at;
+  return last;
 }
 
 /* ---- a driver */
@@ -319,31 +342,31 @@ static void edited(const char *name)
 }
 static void both_stay(void) { edited("kept"); edited("server/hold"); }
 
-/* The owner gives an object of the editor a lifetime, which the editor then changes without knowing of it. */
-static void give_lifetime(void)
+/* The owner gives an object of the editor a surface, which the editor then changes without knowing of it. */
+static void give_last_field(void)
 {
   fs_object o = object_of(scene, "editor/plain");
   SET_LAST(o, 500);
-  OK(CALL(fs_object_change)(scene, &o, FS_PART_OTHER));
+  OK(CALL(fs_object_change)(scene, &o, LAST_PART));
 }
 static void change_plain(void)
 {
   fs_object o = object_of(scene, "plain");
   o.tool_points = 5;
   o.front.gain = 222;
-  OK(CALL(fs_object_change)(scene, &o, FS_PART_PROFILES | FS_PART_OTHER));
+  OK(CALL(fs_object_change)(scene, &o, FS_PART_PROFILES | FS_PART_OTHER | LAST_PART));
   OK(CALL(fs_scene_begin)(scene));
   o.front.gain = 223;
-  OK(CALL(fs_object_change)(scene, &o, FS_PART_PROFILES | FS_PART_OTHER));
+  OK(CALL(fs_object_change)(scene, &o, FS_PART_PROFILES | FS_PART_OTHER | LAST_PART));
   OK(CALL(fs_scene_commit)(scene));
   OK(CALL(fs_scene_sync)(scene, 5));
 }
-static void lifetime_stays(void)
+static void last_field_stays(void)
 {
   const fs_object o = object_of(scene, "editor/plain");
   CHECK(o.tool_points == 5 && o.front.gain == 223 && LAST(o) == 500);
 }
-static void lifetime_is_gone(void)  /* set anew by who does not know of it */
+static void last_field_is_gone(void)  /* set anew by who does not know of it */
 {
   const fs_object o = object_of(scene, "editor/plain");
   CHECK(o.tool_points == 0 && o.front.gain == 200 && LAST(o) == 0);
@@ -401,13 +424,13 @@ static void server_refuses_last_field(void)
   SET_LAST(o, 0);
   OK(CALL(fs_object_set)(scene, &o));
   SET_LAST(o, 5);
-  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &o, FS_PART_OTHER));
+  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &o, LAST_PART));
   OK(CALL(fs_object_change)(scene, &o, FS_PART_PROFILES));  /* the field is of another part */
   SET_LAST(other, 5);
-  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &other, FS_PART_OTHER));
+  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &other, LAST_PART));
   OK(CALL(fs_scene_commit)(scene));
   OK(CALL(fs_scene_sync)(scene, 5));
-  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &other, FS_PART_OTHER));
+  REFUSED(FS_ERROR_VERSION, "the server is older", CALL(fs_object_change)(scene, &other, LAST_PART));
   OK(CALL(fs_object_change)(scene, &other, FS_PART_PROFILES));
   CHECK(LAST(object_of(scene, "b")) == 0);
   OK(CALL(fs_scene_get_motions)(scene, me, NULL, 0, &count));
@@ -420,7 +443,7 @@ static const struct {
   void (*run)(void);
 } lines[] = {LINE(take_all_structs), LINE(last_field_is_kept), LINE(last_field_is_refused), LINE(smaller_ones_are_refused),
              LINE(set_kept), LINE(set_plain), LINE(edit_kept), LINE(edit_hold), LINE(edit_in_group), LINE(both_stay),
-             LINE(give_lifetime), LINE(change_plain), LINE(lifetime_stays), LINE(lifetime_is_gone), LINE(take_all_lists),
+             LINE(give_last_field), LINE(change_plain), LINE(last_field_stays), LINE(last_field_is_gone), LINE(take_all_lists),
              LINE(server_refuses_last_field)};
 
 static void run(const char *name)

@@ -160,8 +160,8 @@ def connected(number, server, server_library, client, client_library, steps):
 
 # An editor that knows less than owner and server edits objects that have the last field set.
 EDITS = [("owner", "set_kept"), ("editor", "take_all_lists", "edit_kept", "edit_hold"), ("owner", "both_stay"),
-         ("editor", "edit_in_group"), ("owner", "both_stay"), ("editor", "set_plain"), ("owner", "give_lifetime"),
-         ("editor", "change_plain"), ("owner", "lifetime_stays"), ("editor", "set_plain"), ("owner", "lifetime_is_gone"),
+         ("editor", "edit_in_group"), ("owner", "both_stay"), ("editor", "set_plain"), ("owner", "give_last_field"),
+         ("editor", "change_plain"), ("owner", "last_field_stays"), ("editor", "set_plain"), ("owner", "last_field_is_gone"),
          ("owner", "take_all_lists")]
 # A server that knows less than its client.
 OLD_SERVER = [("owner", "set_plain", "take_all_lists"), ("editor", "take_all_lists", "server_refuses_last_field")]

@@ -352,7 +352,7 @@ START_TEST(struct_sizes) {
   struct {
     uint32_t size;
     fs_status status;
-  } sizes[]{{4104, FS_ERROR_VERSION}, {0xffffffffu, FS_ERROR_VERSION}, {sizeof o - 8, FS_ERROR_INVALID},
+  } sizes[]{{4104, FS_ERROR_VERSION}, {0xffffffffu, FS_ERROR_VERSION}, {568, FS_ERROR_INVALID},
             {sizeof o + 4, FS_ERROR_INVALID}, {0, FS_ERROR_INVALID}};
   for (const auto& s : sizes) {
     o.struct_size = s.size;

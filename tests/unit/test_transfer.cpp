@@ -253,19 +253,19 @@ START_TEST(records_have_the_common_size) {
   }
 
   RecordSizes less = own_sizes();
-  less.object -= 8;  // without lifetime
+  less.object -= 8;  // without surface
   fs_object object = fs_object_init("o", FS_PRIMITIVE_POINT);
-  object.lifetime = 5;
-  const wire::Set set{3, all_parts, to_record(object)};
+  wire::Set set{3, all_parts, to_record(object)};
+  set.object.surface = 5;
   ck_assert_uint_eq(sent_part(set, less).size(), sizeof set - 8);
   Batch refusing(less);
   try {
     refusing.add(wire::type_set, set);
     ck_abort_msg("a field that the server does not know was sent");
   } catch (const Error& error) {
-    ck_assert(error.status == FS_ERROR_VERSION && error.text.find("first 568 bytes of fs_object") != std::string::npos);
+    ck_assert(error.status == FS_ERROR_VERSION && error.text.find("first 576 bytes of fs_object") != std::string::npos);
   }
-  object.lifetime = 0;
+  set.object.surface = 0;
   for (const size_t count : {1, 2, 300}) {
     Batch batch(less);
     for (size_t i = 0; i < count; ++i) {
@@ -291,9 +291,9 @@ START_TEST(records_have_the_common_size) {
       if (moved[i].type != wire::type_set) continue;
       ck_assert_uint_eq(moved[i].record.size(), sizeof set);
       const auto& came = moved[i].as<wire::Set>();
-      ck_assert(came.slot == (count == 1 ? 0 : i / 2) && came.object.lifetime == 0 && came.object.enabled == 1);
+      ck_assert(came.slot == (count == 1 ? 0 : i / 2) && came.object.surface == 0 && came.object.enabled == 1);
       ck_assert_uint_eq(came.object.known, sizeof(wire::Object) - 8);
-      ck_assert_uint_eq(from_record(came.object).struct_size, 565);
+      ck_assert_uint_eq(from_record(came.object).struct_size, 576);
     }
   }
   // What a client does not know stays in a change.
