@@ -14,8 +14,8 @@ class FetchedAssets {
  public:
   FetchedAssets(Line& line, const SentAssets& sent) : line_(line), sent_(sent) {}
 
-  bool is_here(const wire::Object& record) const;         // nothing has to be fetched for the record
-  LinkedObject link(const wire::Object& record) const;    // of a record that is_here
+  bool is_here(const wire::Object& record) const;  // nothing has to be fetched for the record
+  LinkedObject link(const wire::Object& record) const;  // of a record that is_here
   // The same, but fetches what is not here. May wait. NOT_FOUND: the server offers it no longer.
   LinkedObject receive(Call& call, const wire::Object& record);
   // The server's number of an asset that was fetched; 0: it was not, or is not kept any more.

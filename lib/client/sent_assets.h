@@ -27,8 +27,8 @@ class SentAssets {
   bool is_there(const Asset& asset) const;  // nothing has to be sent
   void note_refused(uint64_t id);  // the server has refused it, and does not have it
 
-  bool use(uint64_t id);                        // one more object uses it. False: it is not from this client
-  void stop_using(uint64_t id);                 // one object less uses it
+  bool use(uint64_t id);  // one more object uses it. False: it is not from this client
+  void stop_using(uint64_t id);  // one object less uses it
   void note_maybe_unused(uint64_t id, uint64_t after);  // after: serial of a message that may end its use
   // Tells the server to forget what is not used. is_current: the replica has what the server has; else it only forgets where
   // there are many.
@@ -44,7 +44,7 @@ class SentAssets {
   size_t most() const { return wire::most_assets(connection_.welcome().max_objects); }
 
   Connection& connection_;
-  std::unordered_map<uint64_t, Entry> sent_;    // by the asset's serial
+  std::unordered_map<uint64_t, Entry> sent_;  // by the asset's serial
   std::map<uint64_t, uint64_t> maybe_unused_;  // with the serial of the message after which they may be unused
 };
 

@@ -167,7 +167,7 @@ class SceneReader {
       read_all(*curves, "curves", "curve", curves_, [this](Fields& f) { return read_curve(f); });
     }
     if (const Json* surfaces = fields.find("surfaces")) {
-      read_all(*surfaces, "surfaces", "surface", surfaces_, [this](Fields& f) { return read_surface(f); });
+      read_all(*surfaces, "surfaces", "surface", surfaces_, [](Fields& f) { return read_surface(f); });
     }
     if (const Json* objects = fields.find("objects")) read_objects(*objects);
     fields.finish();

@@ -37,7 +37,7 @@ bool ClientAssets::is_refused(uint64_t id) const {
 bool ClientAssets::begin(uint64_t id) { return id != 0 && !(id & wire::of_server) && uploads_.emplace(id, Upload{}).second; }
 
 std::shared_ptr<const void> ClientAssets::charge(const PackedAsset& packed, uint64_t limit) {
-  const uint64_t bytes = packed.has_content()                       ? packed.content_bytes()
+  const uint64_t bytes = packed.has_content()                ? packed.content_bytes()
                          : packed.type == wire::type_surface ? surface_size
                                                              : expression_size;
   const uint64_t used = bytes_->load();

@@ -52,10 +52,10 @@ class ClientAssets {
   Asset find(uint64_t id, const fs_object* target) const;
   uint64_t id_of(const Asset& asset);
 
-  std::map<uint64_t, Upload> uploads_;      // by the client's number
+  std::map<uint64_t, Upload> uploads_;  // by the client's number
   std::map<uint64_t, uint64_t> upload_of_;  // by the serial of the asset
-  std::set<uint64_t> refused_;              // that the client has not been told of
-  std::deque<Asset> offered_;               // the oldest first
+  std::set<uint64_t> refused_;  // that the client has not been told of
+  std::deque<Asset> offered_;  // the oldest first
   const std::shared_ptr<std::atomic<uint64_t>> bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
 };
 

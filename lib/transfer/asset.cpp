@@ -132,7 +132,9 @@ Assets assets_of(const fs_object& object, uint64_t parts) {
   return out;
 }
 
-AssetIds ids_of(const Assets& assets) noexcept { return {assets[0].serial(), assets[1].serial(), assets[2].serial(), assets[3].serial()}; }
+AssetIds ids_of(const Assets& assets) noexcept {
+  return {assets[0].serial(), assets[1].serial(), assets[2].serial(), assets[3].serial()};
+}
 
 AssetIds ids_of(const wire::Object& record, uint64_t parts) noexcept {
   AssetIds out = {record.shape, record.front.curve, record.back.curve, record.surface};

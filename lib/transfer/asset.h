@@ -44,7 +44,7 @@ struct Asset {
 
 // An asset as it travels: its record, and a sealed file with what does not fit into that.
 struct PackedAsset {
-  wire::Type type{};    // type_shape, type_curve or type_surface: which of the records counts
+  wire::Type type{};  // type_shape, type_curve or type_surface: which of the records counts
   wire::Shape shape{};
   wire::Curve curve{};
   wire::Surface surface{};
@@ -73,7 +73,8 @@ using Assets = std::array<Asset, 4>;
 using AssetIds = std::array<uint64_t, 4>;  // 0: none
 
 inline constexpr std::array<uint32_t, 4> asset_parts = {FS_PART_SHAPE, FS_PART_PROFILES, FS_PART_PROFILES, FS_PART_CONTACT};
-inline constexpr std::array<wire::Type, 4> asset_types = {wire::type_shape, wire::type_curve, wire::type_curve, wire::type_surface};
+inline constexpr std::array<wire::Type, 4> asset_types = {wire::type_shape, wire::type_curve, wire::type_curve,
+                                                          wire::type_surface};
 
 // Only those that belong to `parts` (fs_part bits).
 Assets assets_of(const Object& object, uint64_t parts = all_parts);

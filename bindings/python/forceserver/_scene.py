@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         ServoOptionsFields,
         ServoStats,
         Shape,
+        Surface,
         State,
         Structs,
         Wrench,
@@ -95,6 +96,7 @@ class SceneObject:
     damping: _Field[float, float] = _Field()
     contact: _Field[Contact, Contact] = _Field()
     shape: _Field[Shape | None, Shape | None] = _Field()
+    surface: _Field[Surface | None, Surface | None] = _Field()
     tool_points: _Field[int, int] = _Field()
     enabled: _Field[bool, bool] = _Field()
 
