@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import signal
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -25,19 +25,56 @@ from .picture import NoPicture, Picture
 from .show import Show
 
 
+signals = (signal.SIGTERM, signal.SIGINT)
+patience = 10  # s, in which VIZ ends by itself
+
+
+class Ending:
+    """The first SIGTERM or Ctrl-C ends VIZ, and further ones do nothing. A VIZ that has not ended by itself after some seconds
+    hangs, and the alarm ends it."""
+
+    def __init__(self) -> None:
+        self.has_begun = False
+        self.is_looked_for = False  # by the loop; an exception could be raised inside of VTK there, which drops it
+        for number in signals:
+            signal.signal(number, self._take_signal)
+
+    def begin(self) -> None:
+        self.has_begun = True
+        for number in signals:
+            signal.signal(number, signal.SIG_IGN)
+        signal.alarm(patience)
+
+    def _take_signal(self, *_: object) -> None:
+        self.begin()
+        if not self.is_looked_for:
+            sys.exit(0)
+
+    def wait(self, seconds: float) -> None:
+        """Until then, or until VIZ is to end."""
+        end = time.monotonic() + seconds
+        while not self.has_begun and (left := end - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))
+
+
+def endpoint(word: str) -> str:
+    """A bare name is one in shared memory, as for the programs of forceserver."""
+    return word if ":" in word else f"shm:{word}"
+
+
 def options(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="viz", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("endpoint", metavar="ENDPOINT", nargs="?", help="of a server, such as shm:lab")
+    parser.add_argument("endpoint", metavar="ENDPOINT", nargs="?", type=endpoint, help="of a server, such as lab, or in full shm:lab")
     parser.add_argument("--name", default="viz", help="of the client (%(default)s)")
     parser.add_argument("--embed", action="store_true", help="scene, servo and device in this process, instead of a server")
     parser.add_argument("--device", metavar="URI", help="of the embedded servo")
-    parser.add_argument("--listen", metavar="ENDPOINT", help="lets other clients into the embedded servo")
+    parser.add_argument("--listen", metavar="ENDPOINT", type=endpoint, help="lets other clients into the embedded servo")
     parser.add_argument("--follow", metavar="CLIENT",
                         help='keeps the point "pose" of this client in the middle, as a rover in mode drive does')  # fmt: skip
     parser.add_argument("--arm", metavar="CLIENT",
                         help="shows the arm of this client near by; the ground is not felt, as that client gives it")  # fmt: skip
     parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: its hazards are loaded, and saved after each change")
-    parser.add_argument("--off-screen", metavar="FILE.png", help="draws into a file, once a second, instead of a window")
+    parser.add_argument("--off-screen", type=Path, metavar="FILE.png", help="draws into a file, once a second, instead of a window")
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
     chosen = parser.parse_args(arguments)
     if chosen.embed == (chosen.endpoint is not None):
@@ -46,6 +83,12 @@ def options(arguments: list[str]) -> argparse.Namespace:
         parser.error("--embed needs --device URI, such as sim:?path=figure8")
     if not chosen.embed and (chosen.device or chosen.listen):
         parser.error("--device and --listen are for --embed")
+    if chosen.embed and not chosen.listen and (chosen.follow or chosen.arm):
+        parser.error("without --listen no rover comes in, so neither --follow nor --arm goes with it")
+    if chosen.off_screen and chosen.off_screen.suffix.lower() != ".png":
+        parser.error(f"--off-screen writes PNG files: {chosen.off_screen} must end with .png")
+    if chosen.off_screen and not os.access(chosen.off_screen.parent, os.W_OK | os.X_OK):
+        parser.error(f"--off-screen {chosen.off_screen}: there is no folder {chosen.off_screen.parent} that can be written")
     if chosen.arm and (chosen.follow or chosen.hazards):
         parser.error("--arm is for looking on: neither --follow nor --hazards goes with it")
     return chosen
@@ -75,12 +118,9 @@ def add_controls(viz: Viz, picture: Picture) -> Drawing:
     return drawing
 
 
-def run(chosen: argparse.Namespace) -> None:
+def run(chosen: argparse.Namespace, ending: Ending) -> None:
     ground = Ground(chosen.terrain)
-    with contextlib.ExitStack() as stack:
-        is_near = bool(chosen.follow or chosen.arm)
-        picture = Picture(ground, off_screen=chosen.off_screen is not None, is_near=is_near)
-        stack.callback(picture.close)
+    with contextlib.ExitStack() as last, contextlib.ExitStack() as stack:
         watched = None
         if chosen.embed:
             scene = stack.enter_context(fs.Scene())
@@ -90,6 +130,8 @@ def run(chosen: argparse.Namespace) -> None:
                 watched = stack.enter_context(fs.connect(chosen.listen, f"{chosen.name} watching"))
         else:
             scene = watched = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
+        picture = Picture(ground, off_screen=chosen.off_screen is not None, is_near=bool(chosen.follow or chosen.arm))
+        last.callback(picture.close)  # when the force has ended
         viz = Viz(scene, ground, chosen.name, chosen.follow, chosen.arm is None)
         viz.watched = watched or scene
         stack.callback(viz.close)
@@ -104,22 +146,17 @@ def run(chosen: argparse.Namespace) -> None:
                         drawing.add(name, np.array([[x, y, ground.height(x, y)] for x, y in nodes]))
         viz.begin_to_follow()
         viz.say(f"the ground has {picture.ground.n_cells} triangles")
-        loop(viz, Show(viz, picture, watched, chosen.arm), picture, chosen.off_screen)
+        try:
+            loop(viz, Show(viz, picture, watched, chosen.arm), picture, chosen.off_screen, ending)
+        finally:
+            ending.begin()
 
 
-def loop(viz: Viz, show: Show, picture: Picture, off_screen: str | None) -> None:
-    """Until it is to end. What a signal raised inside of VTK would be lost there, so the first one only says that it is to end."""
-    ends = threading.Event()
-
-    def end(*_: object) -> None:
-        if ends.is_set():
-            raise KeyboardInterrupt
-        ends.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, end)
+def loop(viz: Viz, show: Show, picture: Picture, off_screen: Path | None, ending: Ending) -> None:
+    """Until VIZ is to end."""
+    ending.is_looked_for = True
     is_silent = False
-    while not ends.is_set() and (off_screen is not None or not picture.is_closed):
+    while not ending.has_begun and (off_screen is not None or not picture.is_closed):
         begin = time.monotonic()
         try:
             viz.tell_events()
@@ -127,24 +164,24 @@ def loop(viz: Viz, show: Show, picture: Picture, off_screen: str | None) -> None
         except TimeoutError as failure:
             if not is_silent:
                 viz.say(str(failure))
+            picture.show_words(str(failure))
             is_silent = True
         else:
+            if is_silent:
+                viz.say("the server answers again")
             is_silent = False
         if off_screen is not None:
             picture.save(off_screen)
-            ends.wait(1)
+            ending.wait(1)
         else:
             picture.go_on()
-            ends.wait(max(0.0, begin + period - time.monotonic()))
+            ending.wait(begin + period - time.monotonic())
 
 
 def main() -> int:
     chosen = options(sys.argv[1:])
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:
-        run(chosen)
-    except KeyboardInterrupt:
-        return 0
+        run(chosen, Ending())
     except (BadTerrain, NoPicture, fs.Error, OSError) as failure:
         print(f"viz: {failure}", file=sys.stderr)
         return 1

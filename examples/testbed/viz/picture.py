@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -205,10 +206,10 @@ class Picture:
         image = self.plotter.screenshot(return_img=True)
         return len(np.unique(image.reshape(-1, 3), axis=0))
 
-    def save(self, path: str) -> None:
+    def save(self, path: Path) -> None:
         """As a PNG file, which is whole at any time."""
         self.plotter.render()
-        fresh = f"{path}.{os.getpid()}.png"
+        fresh = path.with_suffix(f".{os.getpid()}.png")
         self.plotter.screenshot(fresh)
         os.replace(fresh, path)
 

@@ -455,6 +455,25 @@ def test_embedded_with_others(tmp_path, ground):
         expect_border(file, "hazard 1", ground)
 
 
+def test_further_signals_do_not_kill_it(lab, tmp_path):
+    viz = start(lab, "--off-screen", str(tmp_path / "viz.png"))
+    with fs.connect(lab, "other") as scene:
+        eventually(lambda: "viz/ground" in names(scene))
+        for number in itertools.cycle((signal.SIGINT, signal.SIGTERM)):
+            if viz.poll() is not None:
+                break
+            viz.send_signal(number)
+            time.sleep(0.01)
+        output, _ = viz.communicate(timeout=patience)
+        assert viz.returncode == 0 and "Traceback" not in output, output
+
+
+def test_the_alarm_ends_one_that_hangs():
+    hangs = "from viz import __main__ as m; m.patience = 1; m.Ending().is_looked_for = True; os.kill(os.getpid(), 15); time.sleep(60)"
+    viz = subprocess.run([sys.executable, "-B", "-c", f"import os, time; {hangs}"], cwd=testbed, timeout=30)
+    assert viz.returncode == -signal.SIGALRM
+
+
 def test_two_and_one_is_killed(lab, tmp_path):
     one = start(lab, "--off-screen", str(tmp_path / "one.png"))
     with fs.connect(lab, "other") as scene:
@@ -473,10 +492,15 @@ def test_two_and_one_is_killed(lab, tmp_path):
     (("--embed",), "--device"),
     (("shm:a", "--device", "sim:"), "for --embed"),
     (("shm:a", "--arm", "rover", "--follow", "rover"), "--arm"),
-    (("--embed", "--device", "sim:", "--off-screen", "/none/none.png"), "none.png"),
+    (("--embed", "--device", "sim:", "--follow", "rover"), "--listen"),
+    (("--embed", "--device", "sim:", "--arm", "rover"), "--listen"),
+    (("--embed", "--device", "sim:", "--off-screen", "/none/none.png"), "there is no folder /none "),
+    (("shm:a", "--off-screen", "none.jpg"), "none.jpg must end with .png"),
     (("shm:a", "--terrain", "none.asc"), "none.asc"),
-    (("shm:a",), "no display"),
-    (("shm:nobody-is-there", "--off-screen", "/tmp/none.png"), "nobody-is-there"),
+    (("--embed", "--device", "sim:"), "no display"),
+    (("--embed", "--device", "nonsense:"), "nonsense"),
+    (("--embed", "--device", "sim:", "--listen", "a/b"), "shm:a/b"),
+    (("nobody-is-there",), "shm:nobody-is-there"),
 ])  # fmt: skip
 def test_wrong_words(arguments, words):
     viz = start(*arguments)
