@@ -16,11 +16,9 @@ import time
 from pathlib import Path
 
 import forceserver as fs
-import numpy as np
 from virtualrobot.ground import BadTerrain, Ground, terrain_file
 
 from .app import Viz, period
-from .drawing import Drawing
 from .picture import NoPicture, Picture
 from .show import Show
 
@@ -40,15 +38,20 @@ class Ending:
             signal.signal(number, self._take_signal)
 
     def begin(self) -> None:
-        self.has_begun = True
-        for number in signals:
-            signal.signal(number, signal.SIG_IGN)
-        signal.alarm(patience)
+        if not self.has_begun:
+            self.has_begun = True
+            signal.alarm(patience)
 
     def _take_signal(self, *_: object) -> None:
+        is_first = not self.has_begun
         self.begin()
-        if not self.is_looked_for:
+        if is_first and not self.is_looked_for:
             sys.exit(0)
+
+    def finish(self) -> None:
+        """Python is about to take back what this has set, and then a signal would kill it."""
+        for number in signals:
+            signal.signal(number, signal.SIG_IGN)
 
     def wait(self, seconds: float) -> None:
         """Until then, or until VIZ is to end."""
@@ -94,28 +97,36 @@ def options(arguments: list[str]) -> argparse.Namespace:
     return chosen
 
 
-def add_controls(viz: Viz, picture: Picture) -> Drawing:
-    drawing = Drawing(picture, viz.draw_hazard)
-    hazards = viz.hazards
-    viz.removed = drawing.take_away
+class Controls:
+    """The keys, and two sliders that show and set the newest hazard."""
 
-    def set_width(value: float) -> None:
-        hazards.width = value
-        viz.change_newest()
+    def __init__(self, viz: Viz, picture: Picture) -> None:
+        self.viz = viz
+        drawing, plotter = viz.draw_in(picture), picture.plotter
+        plotter.add_key_event("d", drawing.begin)
+        plotter.add_key_event("Escape", drawing.give_up)
+        plotter.add_key_event("x", viz.remove_newest)
+        look = {"style": "modern", "title_height": 0.02, "interaction_event": "end"}
+        low, high = {"pointa": (0.72, 0.12), "pointb": (0.97, 0.12)}, {"pointa": (0.72, 0.27), "pointb": (0.97, 0.27)}
+        self.sliders = [
+            plotter.add_slider_widget(lambda value: viz.change_newest(width=value), (1, 8), value=viz.hazards.width,
+                                      title="newest hazard: width, m", **look, **low),
+            plotter.add_slider_widget(lambda value: viz.change_newest(newtons=value), (0.5, 5), value=viz.hazards.newtons,
+                                      title="newest hazard: N", **look, **high),
+        ]  # fmt: skip
+        self.shown: tuple[str, float, float] | None = None  # the newest hazard that the sliders show
 
-    def set_newtons(value: float) -> None:
-        hazards.newtons = value
-        viz.change_newest()
-
-    plotter = picture.plotter
-    plotter.add_key_event("d", drawing.begin)
-    plotter.add_key_event("Escape", drawing.give_up)
-    plotter.add_key_event("x", viz.remove_newest)
-    look = {"style": "modern", "title_height": 0.02, "interaction_event": "end"}
-    low, high = {"pointa": (0.72, 0.12), "pointb": (0.97, 0.12)}, {"pointa": (0.72, 0.27), "pointb": (0.97, 0.27)}
-    plotter.add_slider_widget(set_width, (1, 8), value=hazards.width, title="newest hazard: width, m", **look, **low)
-    plotter.add_slider_widget(set_newtons, (0.5, 5), value=hazards.newtons, title="newest hazard: N", **look, **high)
-    return drawing
+    def update(self) -> None:
+        """The sliders go to the newest hazard where it is another one, or has changed."""
+        try:
+            newest = self.viz.hazards.take_newest()
+        except KeyError:
+            return  # it has just been removed
+        if newest is None or newest == self.shown:
+            return
+        self.shown = newest
+        for slider, value in zip(self.sliders, newest[1:], strict=True):
+            slider.GetRepresentation().SetValue(value)
 
 
 def run(chosen: argparse.Namespace, ending: Ending) -> None:
@@ -132,27 +143,21 @@ def run(chosen: argparse.Namespace, ending: Ending) -> None:
             scene = watched = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
         picture = Picture(ground, off_screen=chosen.off_screen is not None, is_near=bool(chosen.follow or chosen.arm))
         last.callback(picture.close)  # when the force has ended
-        viz = Viz(scene, ground, chosen.name, chosen.follow, chosen.arm is None)
-        viz.watched = watched or scene
+        viz = Viz(scene, ground, chosen.name, chosen.follow, is_felt=chosen.arm is None, watched=watched)
         stack.callback(viz.close)
         # The sliders call back when they are made, so the hazards of the file come after them.
-        drawing = add_controls(viz, picture) if chosen.off_screen is None and chosen.arm is None else None
+        controls = Controls(viz, picture) if chosen.off_screen is None and chosen.arm is None else None
         if chosen.hazards:
             viz.keep_hazards_in(chosen.hazards)
-            if drawing:
-                for name in viz.hazards.order:
-                    nodes = viz.hazards.nodes(name)
-                    if len(nodes) >= 3:  # else it is no border
-                        drawing.add(name, np.array([[x, y, ground.height(x, y)] for x, y in nodes]))
         viz.begin_to_follow()
         viz.say(f"the ground has {picture.ground.n_cells} triangles")
         try:
-            loop(viz, Show(viz, picture, watched, chosen.arm), picture, chosen.off_screen, ending)
+            loop(viz, Show(viz, picture, chosen.arm), controls, picture, chosen.off_screen, ending)
         finally:
             ending.begin()
 
 
-def loop(viz: Viz, show: Show, picture: Picture, off_screen: Path | None, ending: Ending) -> None:
+def loop(viz: Viz, show: Show, controls: Controls | None, picture: Picture, off_screen: Path | None, ending: Ending) -> None:
     """Until VIZ is to end."""
     ending.is_looked_for = True
     is_silent = False
@@ -160,6 +165,8 @@ def loop(viz: Viz, show: Show, picture: Picture, off_screen: Path | None, ending
         begin = time.monotonic()
         try:
             viz.tell_events()
+            if controls:
+                controls.update()
             show.update()
         except TimeoutError as failure:
             if not is_silent:
@@ -179,12 +186,14 @@ def loop(viz: Viz, show: Show, picture: Picture, off_screen: Path | None, ending
 
 
 def main() -> int:
-    chosen = options(sys.argv[1:])
+    chosen, ending = options(sys.argv[1:]), Ending()
     try:
-        run(chosen, Ending())
+        run(chosen, ending)
     except (BadTerrain, NoPicture, fs.Error, OSError) as failure:
         print(f"viz: {failure}", file=sys.stderr)
         return 1
+    finally:
+        ending.finish()
     return 0
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,26 +13,31 @@ import numpy as np
 from virtualrobot.ground import Array, Ground
 from virtualrobot.robot import joystick_scale, map_scale
 
-from .hazards import BadBorder, Hazards, prefix, width_of
+from .drawing import Drawing
+from .hazards import BadBorder, Hazards, prefix
+from .picture import Picture
 
 period = 0.04  # s, of the moves while VIZ follows a rover
 push, most = 400.0, 5.0  # N/m and N at the hand: of the ground
+shown_time = 8.0  # s, of what is said, in the window
 
 
 class Viz:
     """scene: VIZ's own. follow: the client whose point "pose" stays in the middle of the scene, for a rover in mode drive; None: the
     middle is that of the map. is_felt: whether there are ground and hazards; not beside an arm, whose client gives what is below it.
+    watched: a connected scene, in which all clients are seen; None: VIZ's own.
     """
 
-    def __init__(self, scene: fs.Scene, ground: Ground, name: str = "viz", follow: str | None = None, is_felt: bool = True) -> None:
+    def __init__(self, scene: fs.Scene, ground: Ground, name: str = "viz", follow: str | None = None, is_felt: bool = True,
+                 watched: fs.Scene | None = None) -> None:  # fmt: skip
         self.scene, self.ground, self.name, self.follow, self.is_felt = scene, ground, name, follow, is_felt
-        self.hazards = Hazards(scene, ground)
-        self.hazards.say = self.say
+        self.watched = watched or scene
+        self.hazards = Hazards(scene, ground, self.say, is_following=follow is not None)
+        self.drawing: Drawing | None = None
+        self.said: deque[tuple[float, str]] = deque(maxlen=5)  # when (s), and what
+        self.stopped_by = ""  # the client that has stopped the force
         self.offset = np.zeros(3)  # m: where the middle of the scene is on the map
         self.scale = map_scale if follow is None else joystick_scale
-        self.removed: Callable[[str], None] = lambda name: None  # is told the hazards that other clients remove
-        self.watched = scene  # where the rover is looked for
-        self.hazards.is_following = follow is not None
         self._ends = threading.Event()
         scene.set_frame(fs.Frame(scale=self.scale))
         if is_felt:
@@ -49,7 +56,18 @@ class Viz:
             self._follower.join()
 
     def say(self, text: str) -> None:
+        """On the terminal, and for some seconds in the window."""
         print(f"{self.name}: {text}", flush=True)
+        self.said.append((time.monotonic(), text))
+
+    def news(self) -> list[str]:
+        """What was said in the last seconds."""
+        return [text for then, text in list(self.said) if then > time.monotonic() - shown_time]
+
+    def draw_in(self, picture: Picture) -> Drawing:
+        """From now on hazards are drawn with the mouse."""
+        self.drawing = Drawing(picture, self.draw_hazard, self.say)
+        return self.drawing
 
     def tell_events(self) -> None:
         """Prints what happens; ConnectionError when the server has gone."""
@@ -63,19 +81,51 @@ class Viz:
             if event.kind == fs.EventKind.DEVICE:
                 is_ready = event.status == 0
                 self.say(f"the device {event.name} is ready" if is_ready else f"no force from {event.name}: {event.text}")
+            if event.kind == fs.EventKind.CLIENT and "force" in event.text:  # embedded, clients also come and go
+                self.say(f"{event.name} {event.text}")
+                self.stopped_by = event.name
+
+    def what_stopped(self) -> str:
+        """That the force is stopped, and by whom; "": it is not."""
+        if self.scene.get_servo_stats().enabled:
+            self.stopped_by = ""
+            return ""
+        return f"{self.stopped_by} has stopped the force" if self.stopped_by else "the force is stopped"
 
     def _tell_edit(self, name: str, by: str) -> None:
         if name not in self.scene:
             self.say(f"{name} was removed by {by}")
             if name.startswith(prefix):
-                self.removed(name)
+                self._take_away(name)
                 self.hazards.forget(name)
         elif name.startswith(prefix):
-            profile = self.scene[name].front
-            self.say(f"{name} was edited by {by}: {width_of(profile):.1f} m wide, {profile.limit:.1f} N")
+            self.say(f"{name} was edited by {by}{self._look_of(name)}")
             self.hazards.save()
+            self._show_nodes(name)
         else:
             self.say(f"{name} was edited by {by}")
+
+    def _look_of(self, name: str) -> str:
+        try:
+            width, newtons = self.hazards.settings(name)
+        except KeyError:
+            return ""  # it has just been removed
+        return f": {width:.1f} m wide, {newtons:.1f} N" if width > 0 else ""
+
+    def _show_nodes(self, name: str) -> None:
+        """The pen shows them where the hazard has them now."""
+        try:
+            nodes = self.hazards.nodes(name)
+        except KeyError:
+            return  # it has just been removed
+        if len(nodes) == 0:
+            self._take_away(name)
+        elif self.drawing:
+            self.drawing.show(name, np.array([[x, y, self.ground.height(x, y)] for x, y in nodes]))
+
+    def _take_away(self, name: str) -> None:
+        if self.drawing:
+            self.drawing.take_away(name)
 
     def _go_on_following(self) -> None:
         said = ""
@@ -119,16 +169,18 @@ class Viz:
         self.say(f"{named} has {len(nodes)} nodes")
         return named
 
-    def change_newest(self) -> None:
-        """It gets the width and the force that are set for the next."""
+    def change_newest(self, width: float | None = None, newtons: float | None = None) -> None:
+        """None: that stays. What is drawn next gets it, too."""
+        self.hazards.width, self.hazards.newtons = width or self.hazards.width, newtons or self.hazards.newtons
         newest = self.hazards.newest
         if newest:
-            self._try(lambda: self.hazards.change(newest, self.hazards.width, self.hazards.newtons))
+            self._try(lambda: self.hazards.change(newest, width, newtons))
 
     def remove_newest(self) -> None:
         newest = self.hazards.newest
         if newest and self._try(lambda: self.hazards.remove(newest)):
-            self.removed(newest)
+            self._take_away(newest)
+            self.say(f"{newest} is removed")
 
     def _try(self, does: Callable[[], None]) -> bool:
         try:
@@ -140,6 +192,8 @@ class Viz:
 
     def keep_hazards_in(self, path: Path) -> None:
         """Loads the hazards of a scene file, if it is there, and saves them from now on after each change."""
-        if path.exists():
-            self.hazards.load(path)
-        self.hazards.path = path
+        self.hazards.keep_in(path)
+        count = len(self.hazards.order)
+        self.say(f"{count} hazard{'' if count == 1 else 's'} loaded from {path}")
+        for name in self.hazards.order:
+            self._show_nodes(name)

@@ -42,10 +42,10 @@ class Border:
 
 class Drawing:
     """closed: is called when a border is closed or changed, with its name (None: it is new) and its nodes, and gives the name of the hazard;
-    None: it cannot be one, and what was there stays."""
+    None: it cannot be one, and what was there stays. say: is told why a click counts for nothing."""
 
-    def __init__(self, picture: Picture, closed: Callable[[str | None, Array], str | None]) -> None:
-        self.picture, self.closed = picture, closed
+    def __init__(self, picture: Picture, closed: Callable[[str | None, Array], str | None], say: Callable[[str], None]) -> None:
+        self.picture, self.closed, self.say = picture, closed, say
         self.interactor = picture.plotter.iren.interactor
         self.locator = vtk.vtkStaticCellLocator()  # without it a click takes two seconds
         self.locator.SetDataSet(picture.ground)
@@ -63,9 +63,9 @@ class Drawing:
         if self.pen is not None:
             self._drop(self.pen)
 
-    def add(self, name: str, nodes: Array) -> None:
-        """A hazard that is there already."""
-        border = self._make()
+    def show(self, name: str, nodes: Array) -> None:
+        """A hazard that was loaded, or edited elsewhere."""
+        border = next((one for one in self.borders if one.name == name), None) or self._make()
         border.name, border.nodes = name, nodes
         border.widget.SetWidgetState(vtk.vtkContourWidget.Manipulate)
         border.put_back()
@@ -90,14 +90,29 @@ class Drawing:
         widget.SetRepresentation(shown)
         border = Border(widget)
         widget.AddObserver("EndInteractionEvent", lambda *_: self._look(border))
-        widget.AddObserver("InteractionEvent", lambda *_: self._look_for_delete(border))
+        widget.AddObserver("InteractionEvent", lambda *_: self._look_between(border))
         widget.On()
         self.borders.append(border)
         return border
 
-    def _look_for_delete(self, border: Border) -> None:
-        if border.name is not None and len(border.drawn) != len(border.nodes):
+    def _look_between(self, border: Border) -> None:
+        """A node of what is being drawn was placed, or a node of a border is moved or was taken away."""
+        if border is self.pen:
+            self._look_for_two(border)
+        elif len(border.drawn) != len(border.nodes):
             self._look(border)
+
+    def _look_for_two(self, border: Border) -> None:
+        """A third node in the place of the first would be seen by nobody."""
+        shown = border.widget.GetRepresentation()
+        if shown.GetNumberOfNodes() != 3:
+            return
+        first, third = [0.0, 0.0], [0.0, 0.0]
+        shown.GetNthNodeDisplayPosition(0, first)
+        shown.GetNthNodeDisplayPosition(2, third)
+        if np.hypot(first[0] - third[0], first[1] - third[1]) < shown.GetPixelTolerance():
+            shown.DeleteLastNode()
+            self.say("a border needs three nodes before it can be closed")
 
     def _look(self, border: Border) -> None:
         """The border was closed, or a node of it was moved or taken away."""

@@ -10,6 +10,9 @@ import forceserver as fs
 import numpy as np
 import shapely
 from virtualrobot.ground import Array, Ground
+from virtualrobot.robot import map_scale
+
+from .picture import transform
 
 prefix = "hazard "
 # Of the newtons, at distances in sixths of the width: nothing on the border itself, where the force would turn at once, and nothing
@@ -55,31 +58,37 @@ def force(width: float, newtons: float) -> fs.Profile:
     return fs.Custom(shape_of_force, gain=newtons, step=width / (len(shape_of_force) - 1), limit=newtons, sense="repulsive")
 
 
-def width_of(profile: fs.Profile) -> float:
-    """m, up to where a hazard pushes."""
+def settings_of(profile: fs.Profile) -> tuple[float, float]:
+    """The width and the newtons of a hazard; 0 where another client has given it another profile."""
     table, step = profile.curve.get_table() if profile.curve else (None, 0.0)
-    return float(step) * (len(table) - 1) if table is not None else 0.0
+    if table is None:
+        return 0.0, 0.0
+    return float(step) * (len(table) - 1), min(profile.gain * float(np.max(table)), profile.limit)
+
+
+def number_of(name: str) -> int:
+    """Of a hazard; 0: its name has none."""
+    word = name.removeprefix(prefix)
+    return int(word) if word.isdecimal() else 0
 
 
 class Hazards:
-    """Those of one scene."""
+    """Those of one scene. say: is told what goes wrong with the file. is_following: the scene moves against a rover, so that the hazards
+    stand still on the map."""
 
-    def __init__(self, scene: fs.Scene, ground: Ground) -> None:
-        self.scene, self.ground = scene, ground
+    def __init__(self, scene: fs.Scene, ground: Ground, say: Callable[[str], None] = print, is_following: bool = False) -> None:
+        self.scene, self.ground, self.say, self.is_following = scene, ground, say, is_following
         self.width, self.newtons = 3.0, 3.0  # m on the map; N at the hand: of what is drawn next
         self.order: list[str] = []  # as they were drawn or loaded
         self.path: Path | None = None  # of the scene file in which they are kept
         self.in_file: set[str] = set()  # those that were loaded from it or saved there; what else is in it belongs to others
         self.is_unsaved = False  # the file lacks a change
-        self.say: Callable[[str], None] = lambda text: None  # is told what goes wrong with the file
-        self.is_following = False  # they move against a rover, and stand still on the map
 
     def names(self) -> list[str]:
         return [name for name in self.scene if name.startswith(prefix)]
 
     def new_name(self) -> str:
-        numbers = [int(number) for name in self.names() if (number := name.removeprefix(prefix)).isdecimal()]
-        return f"{prefix}{max(numbers, default=0) + 1}"
+        return f"{prefix}{max(map(number_of, self.names()), default=0) + 1}"
 
     @property
     def newest(self) -> str | None:
@@ -87,11 +96,9 @@ class Hazards:
         names = set(self.names())
         return next((name for name in reversed(self.order) if name in names), None)
 
-    def put(self, name: str, nodes: Array, position: Array | None = None) -> Array:
-        """Sets a hazard to these nodes; one that is there keeps its force. position: where the middle of the map is in the scene. Gives the
-        line on the ground."""
-        line = drape(self.ground, nodes)
-        shape = fs.shape_create_polyline(line, True)
+    def put(self, name: str, nodes: Array, position: Array | None = None) -> None:
+        """Sets a hazard to these nodes; one that is there keeps its force. position: where the middle of the map is in the scene."""
+        shape = fs.shape_create_polyline(drape(self.ground, nodes), True)
         place = np.zeros(3) if position is None else position
         if name in self.scene:
             self.scene[name].change(shape=shape, position=place, orientation=(1, 0, 0, 0))
@@ -100,16 +107,39 @@ class Hazards:
             self.scene[name] = fs.Polyline(shape, position=place, front=front)
             self.order.append(name)
         self.save()
-        return line
 
-    def change(self, name: str, width: float, newtons: float) -> None:
-        self.scene[name].front = force(width, newtons)
+    def settings(self, name: str) -> tuple[float, float]:
+        return settings_of(self.scene[name].front)
+
+    def take_newest(self) -> tuple[str, float, float] | None:
+        """The newest hazard, its width and its newtons, which the next one gets, too; None: there is none."""
+        newest = self.newest
+        if newest is None:
+            return None
+        width, newtons = self.settings(newest)
+        self.width, self.newtons = width or self.width, newtons or self.newtons
+        return newest, width, newtons
+
+    def change(self, name: str, width: float | None = None, newtons: float | None = None) -> None:
+        """None: that stays."""
+        old_width, old_newtons = self.settings(name)
+        self.scene[name].front = force(width or old_width or self.width, newtons or old_newtons or self.newtons)
         self.save()
 
     def nodes(self, name: str) -> Array:
-        """x, y of each, m on the map."""
-        shape = self.scene[name].shape
-        return nodes_of(np.asarray(shape.get_points())) if shape else np.zeros((0, 2))
+        """x, y of each, m on the map; none: it is no border."""
+        nodes = nodes_of(self._line_on_map(self.scene[name].object))
+        return nodes if len(nodes) >= 3 else nodes[:0]
+
+    def _line_on_map(self, hazard: fs.Object) -> Array:
+        """m; none: it has no points. Another client may have moved it."""
+        if hazard.shape is None or hazard.primitive != fs.Primitive.POLYLINE:
+            return np.zeros((0, 3))
+        points = np.asarray(hazard.shape.get_points())
+        if self.is_following:
+            return points
+        place = transform(np.asarray(hazard.pose.position), np.asarray(hazard.pose.orientation))
+        return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
     def remove(self, name: str) -> None:
         if name in self.scene:
@@ -121,14 +151,16 @@ class Hazards:
         self.order = [one for one in self.order if one != name]
         self.save()
 
-    def load(self, path: Path) -> None:
-        """The hazards of a scene file; what else is in it stays there."""
-        with fs.Scene() as file, self.scene.change():
-            file.load(str(path))
-            for name in sorted(one for one in file if one.startswith(prefix)):
-                self.scene[name] = file[name]
-                self.order.append(name)
-                self.in_file.add(name)
+    def keep_in(self, path: Path) -> None:
+        """Loads the hazards of a scene file, if it is there, and saves them from now on after each change; what else is in it stays there."""
+        if path.exists():
+            with fs.Scene() as file, self.scene.change():
+                file.load(str(path))
+                for name in sorted((one for one in file if one.startswith(prefix)), key=lambda one: (number_of(one), one)):
+                    self.scene[name] = file[name]
+                    self.order.append(name)
+                    self.in_file.add(name)
+        self.path = path
 
     def save(self) -> None:
         """Where it fails all goes on, and it is tried again with the next change."""
@@ -138,7 +170,7 @@ class Hazards:
             self._save(self.path)
         except (fs.Error, OSError) as failure:
             if not self.is_unsaved:
-                self.say(f"the hazards are not saved, until the next change: {failure}")
+                self.say(f"the hazards could not be saved (the next change tries again): {failure}")
             self.is_unsaved = True
             return
         if self.is_unsaved:
@@ -158,5 +190,7 @@ class Hazards:
                 if self.is_following:
                     one.pose, one.twist = fs.Pose(), fs.Twist()
                 file[name] = one
+            if all(name.startswith(prefix) for name in file):  # else it is the frame of something else, too
+                file.frame = fs.Frame(scale=map_scale)
             file.save(str(path.resolve()))
         self.in_file = set(names)

@@ -39,13 +39,13 @@ def transform(position: Array, orientation: Array) -> Array:
 
 
 def along(vector: Array, at: Array, length: float) -> Array:
-    """The transform of pv.Arrow, which is along x and 1 long."""
-    z = vector / np.linalg.norm(vector)
-    aside = np.eye(3)[np.argmin(np.abs(z))]
-    y = np.cross(z, aside)
+    """The transform of pv.Arrow, which is along its x axis and 1 long."""
+    x = vector / np.linalg.norm(vector)
+    aside = np.eye(3)[np.argmin(np.abs(x))]
+    y = np.cross(x, aside)
     y /= np.linalg.norm(y)
     out = np.eye(4)
-    out[:3, :3] = length * np.stack([z, y, np.cross(z, y)], axis=1)
+    out[:3, :3] = length * np.stack([x, y, np.cross(x, y)], axis=1)
     out[:3, 3] = at
     return out
 
@@ -83,9 +83,16 @@ class Picture:
         look: dict[str, Any] = {"scalars": "height", "cmap": "copper", "show_scalar_bar": False}
         self.ground_actor = self.plotter.add_mesh(self.ground, name="ground", **look)
         self.rover = self.plotter.add_mesh(model_of_rover().scale(1.0 if is_near else 2.0), color="#f0e6c8", name="rover")
-        self.arm = self.plotter.add_mesh(pv.Line(), color="#d98c21", line_width=5, name="arm")
-        self.hand = self.plotter.add_mesh(pv.Sphere(radius=0.04 if is_near else 0.6), color="white", name="hand")
-        for one in (self.rover, self.arm, self.hand):
+        self.arm_line = self.plotter.add_mesh(pv.Line(), color="#d98c21", line_width=5, name="arm")
+        # The hand and its forces are drawn over all else, as they are also below the ground.
+        self.top = vtk.vtkRenderer()
+        self.top.SetLayer(1)
+        self.top.InteractiveOff()
+        self.top.SetActiveCamera(self.plotter.camera)
+        window.SetNumberOfLayers(2)
+        window.AddRenderer(self.top)
+        self.hand = self._add_to_top(pv.Sphere(radius=0.04 if is_near else 0.6), "white")
+        for one in (self.rover, self.arm_line, self.hand):
             one.SetVisibility(False)
         self.arrows: dict[str, Any] = {}
         self.lines: dict[str, Any] = {}
@@ -106,6 +113,12 @@ class Picture:
             self.plotter.camera_position = [(2.4, -2.8, 2.2), (0.5, 0, 0.3), (0, 0, 1)]
         self.plotter.show(auto_close=False, interactive=False, interactive_update=not off_screen)
 
+    def _add_to_top(self, mesh: Any, colour: str) -> Any:
+        actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
+        actor.prop.color = colour
+        self.top.AddActor(actor)
+        return actor
+
     def look_at(self, place: Array) -> None:
         """Goes along with what is in the middle of the picture, as the person has turned it."""
         by = place - self.looked_at
@@ -122,9 +135,9 @@ class Picture:
 
     def show_arm(self, points: Array) -> None:
         """From the shoulder to the tip; none: there is no arm."""
-        self.arm.SetVisibility(len(points) > 1)
+        self.arm_line.SetVisibility(len(points) > 1)
         if len(points) > 1:
-            self.arm.mapper.SetInputData(pv.lines_from_points(points))
+            self.arm_line.mapper.SetInputData(pv.lines_from_points(points))
 
     def colour_of(self, client: str) -> str:
         return self.colours.setdefault(client, colours[len(self.colours) % len(colours)])
@@ -156,9 +169,8 @@ class Picture:
         for name, force in forces.items():
             newtons = float(np.linalg.norm(force))
             if name not in self.arrows:
-                colour = self.colour_of(name)
                 arrow = pv.Arrow(tip_length=0.25, tip_radius=0.06, shaft_radius=0.025)
-                self.arrows[name] = self.plotter.add_mesh(arrow, color=colour, name=f"force {name}", render=False)
+                self.arrows[name] = self._add_to_top(arrow, self.colour_of(name))
             self.arrows[name].SetVisibility(at is not None and newtons > 0.02)
             if at is not None and newtons > 0.02:
                 self.arrows[name].user_matrix = along(force, at, self.metres_a_newton * newtons)
@@ -172,15 +184,18 @@ class Picture:
     def remove(self, name: str) -> None:
         self.plotter.remove_actor(name, render=False)
 
-    def show_line(self, name: str, points: Array | None, colour: str) -> None:
-        """A closed line; None takes it away."""
-        if points is None:
-            if self.lines.pop(name, None) is not None:
-                self.plotter.remove_actor(f"line {name}", render=False)
-            return
-        raised = np.concatenate([points, points[:1]]) + [0, 0, 0.05]
-        line = pv.lines_from_points(raised)
-        self.lines[name] = self.plotter.add_mesh(line, color=colour, line_width=4, name=f"line {name}", render=False)
+    def show_line(self, name: str, line: Array, colour: str) -> None:
+        self.lines[name] = self.plotter.add_mesh(pv.lines_from_points(line), color=colour, line_width=4, name=f"line {name}", render=False)
+
+    def place_line(self, name: str, place: Array) -> None:
+        """place: from the line to the map. It is drawn a little higher, so that the ground does not hide it."""
+        raised = place.copy()
+        raised[2, 3] += 0.05
+        self.lines[name].user_matrix = raised
+
+    def remove_line(self, name: str) -> None:
+        del self.lines[name]
+        self.plotter.remove_actor(f"line {name}", render=False)
 
     def show_reach(self, name: str, lines: list[Array]) -> None:
         """Up to where a border pushes, as thin lines; none takes them away."""

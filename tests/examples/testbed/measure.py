@@ -123,7 +123,7 @@ def measure_viz() -> None:
     picture = Picture(ground, off_screen=True)
     with fs.Scene() as scene, fs.Servo(scene, "sim:?path=figure8"):
         viz = Viz(scene, ground)
-        show = Show(viz, picture, None)
+        show = Show(viz, picture)
         viz.draw_hazard(None, np.array([(-10, -8), (6, -9), (5, 6), (-4, 7)]))
         spent = []
         for k in range(30):
