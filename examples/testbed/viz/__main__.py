@@ -67,7 +67,7 @@ def endpoint(word: str) -> str:
 
 def options(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="viz", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("endpoint", metavar="ENDPOINT", nargs="?", type=endpoint, help="of a server, such as lab, or in full shm:lab")
+    parser.add_argument("endpoint", metavar="ENDPOINT", nargs="?", type=endpoint, help="of a server, such as lab or shm:lab")
     parser.add_argument("--name", default="viz", help="of the client (%(default)s)")
     parser.add_argument("--embed", action="store_true", help="scene, servo and device in this process, instead of a server")
     parser.add_argument("--device", metavar="URI", help="of the embedded servo")
@@ -77,7 +77,8 @@ def options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--arm", metavar="CLIENT",
                         help="shows the arm of this client near by; the ground is not felt, as that client gives it")  # fmt: skip
     parser.add_argument("--hazards", type=Path, metavar="FILE", help="a scene file: its hazards are loaded, and saved after each change")
-    parser.add_argument("--off-screen", type=Path, metavar="FILE.png", help="draws into a file, once a second, instead of a window")
+    parser.add_argument("--off-screen", type=Path, metavar="FILE.png",
+                        help="draws into a file, once a second, instead of a window")  # fmt: skip
     parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
     chosen = parser.parse_args(arguments)
     if chosen.embed == (chosen.endpoint is not None):

@@ -35,6 +35,7 @@ class Viz:
         self.hazards = Hazards(scene, ground, self.say, is_following=follow is not None)
         self.drawing: Drawing | None = None
         self.said: deque[tuple[float, str]] = deque(maxlen=5)  # when (s), and what
+        self.events: deque[fs.Event] = deque()  # that are still to be told
         self.stopped_by = ""  # the client that has stopped the force
         self.offset = np.zeros(3)  # m: where the middle of the scene is on the map
         self.scale = map_scale if follow is None else joystick_scale
@@ -70,27 +71,34 @@ class Viz:
         return self.drawing
 
     def tell_events(self) -> None:
-        """Prints what happens; ConnectionError when the server has gone."""
-        for event in self.scene.events(0):
-            if event.kind == fs.EventKind.DISCONNECTED:
-                raise ConnectionError("the server has gone")
-            if event.kind == fs.EventKind.REFUSED:
-                self.say(f"the server does not take {event.name}: {event.text}")
-            if event.kind == fs.EventKind.EDITED:
-                self._tell_edit(event.name, event.text)
-            if event.kind == fs.EventKind.DEVICE:
-                is_ready = event.status == 0
-                self.say(f"the device {event.name} is ready" if is_ready else f"no force from {event.name}: {event.text}")
-            if event.kind == fs.EventKind.CLIENT and "force" in event.text:  # embedded, clients also come and go
-                self.say(f"{event.name} {event.text}")
-                self.stopped_by = event.name
+        """Says what happens; ConnectionError when the server has gone. TimeoutError: it does not answer, so the event stays for the
+        next time."""
+        self.events.extend(self.scene.events(0))
+        while self.events:
+            self._tell_event(self.events[0])
+            self.events.popleft()
+
+    def _tell_event(self, event: fs.Event) -> None:
+        if event.kind == fs.EventKind.DISCONNECTED:
+            raise ConnectionError("the server has gone")
+        if event.kind == fs.EventKind.REFUSED:
+            self.say(f"the server does not take {event.name}: {event.text}")
+        if event.kind == fs.EventKind.EDITED:
+            self._tell_edit(event.name, event.text)
+        if event.kind == fs.EventKind.DEVICE:
+            is_ready = event.status == 0
+            self.say(f"the device {event.name} is ready" if is_ready else f"no force from {event.name}: {event.text}")
+        if event.kind == fs.EventKind.CLIENT and "force" in event.text:  # embedded, clients also come and go
+            self.say(f"{event.name} {event.text}")
+            self.stopped_by = event.name
 
     def what_stopped(self) -> str:
         """That the force is stopped, and by whom; "": it is not."""
         if self.scene.get_servo_stats().enabled:
             self.stopped_by = ""
             return ""
-        return f"{self.stopped_by} has stopped the force" if self.stopped_by else "the force is stopped"
+        by = f"{self.stopped_by} has stopped the force" if self.stopped_by else "the force is stopped"
+        return f"{by}; `forceserver resume` lets it return"
 
     def _tell_edit(self, name: str, by: str) -> None:
         if name not in self.scene:

@@ -41,8 +41,8 @@ class Border:
 
 
 class Drawing:
-    """closed: is called when a border is closed or changed, with its name (None: it is new) and its nodes, and gives the name of the hazard;
-    None: it cannot be one, and what was there stays. say: is told why a click counts for nothing."""
+    """closed: is called when a border is closed or changed, with its name (None: it is new) and its nodes, and gives the name of
+    the hazard; None: it cannot be one, and what was there stays. say: is told why a click counts for nothing."""
 
     def __init__(self, picture: Picture, closed: Callable[[str | None, Array], str | None], say: Callable[[str], None]) -> None:
         self.picture, self.closed, self.say = picture, closed, say

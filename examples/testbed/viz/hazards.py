@@ -73,10 +73,11 @@ def number_of(name: str) -> int:
 
 
 class Hazards:
-    """Those of one scene. say: is told what goes wrong with the file. is_following: the scene moves against a rover, so that the hazards
-    stand still on the map."""
+    """Those of one scene. say: is told what goes wrong with the file. is_following: the scene moves against a rover, so that the
+    hazards stand still on the map."""
 
-    def __init__(self, scene: fs.Scene, ground: Ground, say: Callable[[str], None] = print, is_following: bool = False) -> None:
+    def __init__(self, scene: fs.Scene, ground: Ground, say: Callable[[str], None] = print,
+                 is_following: bool = False) -> None:  # fmt: skip
         self.scene, self.ground, self.say, self.is_following = scene, ground, say, is_following
         self.width, self.newtons = 3.0, 3.0  # m on the map; N at the hand: of what is drawn next
         self.order: list[str] = []  # as they were drawn or loaded
@@ -97,7 +98,7 @@ class Hazards:
         return next((name for name in reversed(self.order) if name in names), None)
 
     def put(self, name: str, nodes: Array, position: Array | None = None) -> None:
-        """Sets a hazard to these nodes; one that is there keeps its force. position: where the middle of the map is in the scene."""
+        """Sets a hazard to these nodes; one that is there keeps its force. position: of the middle of the map in the scene."""
         shape = fs.shape_create_polyline(drape(self.ground, nodes), True)
         place = np.zeros(3) if position is None else position
         if name in self.scene:
@@ -152,7 +153,8 @@ class Hazards:
         self.save()
 
     def keep_in(self, path: Path) -> None:
-        """Loads the hazards of a scene file, if it is there, and saves them from now on after each change; what else is in it stays there."""
+        """Loads the hazards of a scene file, if it is there, and saves them from now on after each change. What else is in it
+        stays there."""
         if path.exists():
             with fs.Scene() as file, self.scene.change():
                 file.load(str(path))

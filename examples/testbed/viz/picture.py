@@ -185,7 +185,8 @@ class Picture:
         self.plotter.remove_actor(name, render=False)
 
     def show_line(self, name: str, line: Array, colour: str) -> None:
-        self.lines[name] = self.plotter.add_mesh(pv.lines_from_points(line), color=colour, line_width=4, name=f"line {name}", render=False)
+        look: dict[str, Any] = {"color": colour, "line_width": 4, "render": False}
+        self.lines[name] = self.plotter.add_mesh(pv.lines_from_points(line), name=f"line {name}", **look)
 
     def place_line(self, name: str, place: Array) -> None:
         """place: from the line to the map. It is drawn a little higher, so that the ground does not hide it."""

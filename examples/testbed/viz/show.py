@@ -216,7 +216,7 @@ class Show:
             self.picture.show_reach(name, [])
 
     def _reach_of(self, name: str, place: Array) -> list[Array]:
-        """How far one of VIZ's own borders pushes, to both sides: closed lines on the ground. place: from the border to the map."""
+        """How far one of VIZ's own borders pushes, to both sides: closed lines on the ground. place: from it to the map."""
         try:
             its = self.viz.watched.object_get(name)
         except TimeoutError:

@@ -11,6 +11,8 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import forceserver as fs
 import numpy as np
@@ -21,7 +23,7 @@ from virtualrobot.ground import Ground, width
 from virtualrobot.manipulator import Manipulator
 from virtualrobot.robot import joystick_scale, map_scale
 from virtualrobot.world import World
-from viz.__main__ import Controls
+from viz.__main__ import Controls, loop
 from viz.app import Viz
 from viz.hazards import BadBorder, Hazards, drape, force
 from viz.picture import Picture
@@ -241,6 +243,9 @@ def test_the_nodes_go_where_another_client_has_moved_their_hazard(lab, ground, p
         viz.draw_hazard(None, np.array(border))
         scene.sync(30)
         other["viz/hazard 1"].move(position=(5, 4, 0))
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(TimeoutError):  # the server hangs: the event is told later
+            patch.setattr(viz.hazards, "nodes", Mock(side_effect=fs.TimeoutError("it hangs")))
+            eventually(lambda: viz.tell_events())
         eventually(lambda: viz.tell_events() or drawing.borders)
         assert np.allclose(drawing.borders[0].drawn[:, :2], np.array(border) + (5, 4))
         # A node is dragged: the other's edit stays.
@@ -288,10 +293,11 @@ def test_the_sliders_show_and_set_the_newest_hazard(ground, picture, tmp_path, c
         width.InvokeEvent("EndInteractionEvent")
         assert viz.hazards.settings("hazard 10") == pytest.approx((3.5, 4))
         scene["hazard 10"].front = force(3.0, 1.5)
-        assert shown() == pytest.approx((3, 1.5))
         newtons.GetRepresentation().SetValue(2.5)
         newtons.InvokeEvent("EndInteractionEvent")
         assert viz.hazards.settings("hazard 10") == pytest.approx((3, 2.5))
+        scene["hazard 10"].front = force(4.0, 1.5)
+        assert shown() == pytest.approx((4, 1.5))
         viz.remove_newest()
         assert shown() == pytest.approx((6, 2))
         viz.draw_hazard(None, np.array(border))
@@ -417,7 +423,7 @@ def test_borders_of_others_are_drawn_where_they_are(lab, ground, picture):
         scene["hazard two"] = fs.Polyline([[0, 0, 0], [5, 0, 0]], front=force(3, 3))
         show.update()
         assert [picture.plotter.actors[f"line other/{name}"].mapper.dataset.n_points for name in ("square", "open")] == [5, 4]
-        assert np.reshape(picture.plotter.actors["reach hazard two"].bounds, (3, 2))[:2] == pytest.approx(np.array([(-3, 8), (-3, 3)]), abs=0.05)
+        assert picture.plotter.actors["reach hazard two"].bounds[:4] == pytest.approx((-3, 8, -3, 3), abs=0.05)
         viz.close()
         del other["square"], other["open"], scene["hazard two"]
         other.sync(30)
@@ -437,7 +443,11 @@ def test_borders_of_others_while_it_follows(lab, ground, picture):
             show.update()
             ends = np.array([offset, np.array(offset) + [joystick_scale * 0.01 / scale, 0, 0]])
             assert picture.plotter.actors["line other/line"].bounds[:2] == pytest.approx(ends[:, 0])
-        assert "waits for the client 'rover'" in words_of(picture) and "waits for the client 'rover' and its rover" in viz.news()
+        waits = "waits for the client 'rover' and its rover"
+        assert viz.news() == [waits]  # once
+        viz.said.clear()
+        show.update()
+        assert waits in words_of(picture)
         del other["line"]
         other.sync(30)
         eventually(lambda: show.update() or not picture.lines)
@@ -628,9 +638,26 @@ def test_further_signals_do_not_kill_it(lab, tmp_path):
 
 
 def test_the_alarm_ends_one_that_hangs():
-    hangs = "from viz import __main__ as m; m.patience = 1; m.Ending().is_looked_for = True; os.kill(os.getpid(), 15); time.sleep(60)"
-    viz = subprocess.run([sys.executable, "-B", "-c", f"import os, time; {hangs}"], cwd=testbed, timeout=30)
+    hangs = "import os, time; m.patience = 1; m.Ending().is_looked_for = True; os.kill(os.getpid(), 15); time.sleep(60)"
+    viz = subprocess.run([sys.executable, "-B", "-c", f"from viz import __main__ as m; {hangs}"], cwd=testbed, timeout=patience)
     assert viz.returncode == -signal.SIGALRM
+
+
+def test_a_server_that_answers_again(ground, picture, tmp_path, capsys):
+    ending, answers = SimpleNamespace(has_begun=False, wait=lambda seconds: None), iter((False, False, True))
+
+    def update() -> None:
+        if not next(answers):
+            raise TimeoutError("the server hangs")
+        ending.has_begun = True
+
+    with fs.Scene() as scene:
+        viz = Viz(scene, ground)
+        loop(viz, SimpleNamespace(update=update), None, picture, tmp_path / "viz.png", ending)
+        said = capsys.readouterr().out
+        assert said.count("the server hangs") == 1 and said.count("the server answers again") == 1
+        assert words_of(picture) == "the server hangs"
+        viz.close()
 
 
 def test_two_and_one_is_killed(lab, tmp_path):
