@@ -66,6 +66,14 @@ def settings_of(profile: fs.Profile) -> tuple[float, float]:
     return float(step) * (len(table) - 1), min(profile.gain * float(np.max(table)), profile.limit)
 
 
+def points_on_map(hazard: fs.Object) -> Array:
+    """Its points where they are, m; none: it is no polyline."""
+    if hazard.shape is None or hazard.primitive != fs.Primitive.POLYLINE:
+        return np.zeros((0, 3))
+    place = transform(np.asarray(hazard.pose.position), np.asarray(hazard.pose.orientation))
+    return np.asarray(np.asarray(hazard.shape.get_points()) @ place[:3, :3].T + place[:3, 3])
+
+
 def number_of(name: str) -> int:
     """Of a hazard; 0: its name has none."""
     word = name.removeprefix(prefix)
@@ -129,18 +137,11 @@ class Hazards:
 
     def nodes(self, name: str) -> Array:
         """x, y of each, m on the map; none: it is no border."""
-        nodes = nodes_of(self._line_on_map(self.scene[name].object))
-        return nodes if len(nodes) >= 3 else nodes[:0]
-
-    def _line_on_map(self, hazard: fs.Object) -> Array:
-        """m; none: it has no points. Another client may have moved it."""
-        if hazard.shape is None or hazard.primitive != fs.Primitive.POLYLINE:
-            return np.zeros((0, 3))
-        points = np.asarray(hazard.shape.get_points())
+        hazard = self.scene[name].object
         if self.is_following:
-            return points
-        place = transform(np.asarray(hazard.pose.position), np.asarray(hazard.pose.orientation))
-        return np.asarray(points @ place[:3, :3].T + place[:3, 3])
+            hazard.pose = fs.Pose()
+        nodes = nodes_of(points_on_map(hazard))
+        return nodes if len(nodes) >= 3 else nodes[:0]
 
     def remove(self, name: str) -> None:
         if name in self.scene:
@@ -159,7 +160,12 @@ class Hazards:
             with fs.Scene() as file, self.scene.change():
                 file.load(str(path))
                 for name in sorted((one for one in file if one.startswith(prefix)), key=lambda one: (number_of(one), one)):
-                    self.scene[name] = file[name]
+                    hazard = file[name].object
+                    if hazard.shape is not None and hazard.primitive == fs.Primitive.POLYLINE:
+                        # Where another client has moved it counts for good: while it follows, VIZ sets the pose itself.
+                        hazard.shape = fs.shape_create_polyline(points_on_map(hazard), hazard.shape.get_info().closed)
+                        hazard.pose = fs.Pose()
+                    self.scene[name] = hazard
                     self.order.append(name)
                     self.in_file.add(name)
         self.path = path

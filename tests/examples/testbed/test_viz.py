@@ -261,10 +261,11 @@ def test_the_nodes_go_where_another_client_has_moved_their_hazard(lab, ground, p
         eventually(lambda: viz.tell_events() or len(drawing.borders[0].drawn) == 4)
         other["viz/hazard 1"].move(position=(1, 2, 0))
         eventually(lambda: viz.tell_events() or drawing.borders[0].drawn[0, 0] == 1)
-        with fs.Scene() as again:
-            loaded = Hazards(again, ground)
-            loaded.keep_in(file)
-            assert np.allclose(loaded.nodes("hazard 1"), square[:, :2] + (1, 2))
+        for is_following in (False, True):
+            with fs.Scene() as again:
+                loaded = Hazards(again, ground, is_following=is_following)
+                loaded.keep_in(file)
+                assert np.allclose(loaded.nodes("hazard 1"), square[:, :2] + (1, 2))
         other["viz/hazard 1"].shape = fs.shape_create_polyline(square[:2], False)
         eventually(lambda: viz.tell_events() or not drawing.borders)
         viz.close()
