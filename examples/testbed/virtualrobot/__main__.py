@@ -73,7 +73,7 @@ def run(chosen: argparse.Namespace) -> None:
                     recorder.add(hand, time, world)
                 if said:
                     say(said)
-                tell_events(scene)
+                robot.changes.attempt("events", lambda: tell_events(scene))
                 if pace.frames % 100 == 0:
                     say(where(world))
         finally:
@@ -89,6 +89,9 @@ def main() -> int:
         run(chosen)
     except KeyboardInterrupt:
         return 0
+    except fs.DisconnectedError:
+        print("virtualrobot: the server has gone", file=sys.stderr)
+        return 1
     except (BadTerrain, fs.Error, OSError) as failure:
         print(f"virtualrobot: {failure}", file=sys.stderr)
         return 1

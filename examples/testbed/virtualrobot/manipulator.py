@@ -11,7 +11,7 @@ import shapely
 
 from .arm import Arm
 from .ground import Array
-from .robot import Place, as_pose, is_held, move, period
+from .robot import Changes, Place, as_pose, is_held, period
 from .world import World, product
 
 arm_scale, arm_force_scale = 12.0, 0.05  # m of the arm for a metre of the hand; N at the hand for a newton at the tip
@@ -26,12 +26,13 @@ class Manipulator:
 
     def __init__(self, scene: fs.Scene, world: World) -> None:
         self.scene, self.world, self.arm = scene, world, Arm(world)
+        self.changes = Changes(scene)
         world.steer(0, 0)
         self.outline = self.arm.outline()
         shapely.prepare(self.outline)
         self.ground_at = self.arm.shoulder  # in the world: the origin of the ground
         self.places = self._places()
-        self.touch = self._law(self.arm.place)  # N/m and N, as set
+        self.law = self._law(self.arm.place)  # N/m and N, as set
         frame = fs.Frame(pose=fs.Pose(position=-np.array(home) / arm_scale), scale=arm_scale, force_scale=arm_force_scale)
         scene.set_frame(frame)
         points, triangles = world.ground.mesh(self.ground_at, around)
@@ -50,7 +51,7 @@ class Manipulator:
         self.touched = ["ground", *(world.model.geom(i).name for i in world.rocks)]
 
     def _contact(self) -> fs.Contact:
-        return fs.Contact(keep="front", stiffness=self.touch[0], limit=self.touch[1])
+        return fs.Contact(keep="front", stiffness=self.law[0], limit=self.law[1])
 
     def _law(self, place: Array) -> tuple[float, float]:
         """Of what the tip touches there, N/m and N: the arm's motors and MuJoCo's contact in series; what the motors can bear."""
@@ -75,19 +76,24 @@ class Manipulator:
     def frame(self, hand: fs.Hand, time: float) -> str | None:
         """A frame that begins at `time` (s, on the scene's clock). The tip goes to the hand, into the ground as well, where the motors
         then push; or where the envelope holds the hand."""
-        place = np.asarray(hand.state.pose.position)
+        at = np.asarray(hand.state.pose.position)
         if is_held(hand.state, time):
-            self.arm.reach_for(place if self._is_within_reach(place) else np.asarray(hand.response.proxy.position), period)
+            self.arm.reach_for(at if self._is_within_reach(at) else np.asarray(hand.response.proxy.position), period)
         self.world.step(round(period / self.world.model.opt.timestep))
         before, self.places = self.places, self._places()
-        law = self._law(place)
-        is_new = any(abs(new - old) > small_change * old for new, old in zip(law, self.touch, strict=True))
-        with self.scene.change():
-            # Only while nothing is touched: who goes in where it is soft, and out where it is stiff, would gain energy.
-            if is_new and not hand.response.flags & fs.ResponseFlags.CONTACT:
-                self.touch = law
+        # Only while nothing is touched: who goes in where it is soft, and out where it is stiff, would gain energy.
+        law = self.law if hand.response.flags & fs.ResponseFlags.CONTACT else self._law(at)
+        is_new = any(abs(new - old) > small_change * old for new, old in zip(law, self.law, strict=True))
+
+        def show() -> None:
+            if is_new:
+                self.law = law
                 for name in self.touched:
-                    if name in self.scene:
-                        self.scene[name].contact = self._contact()
-            move(self.scene, {name: (place, self.places[name]) for name, place in before.items()}, time)
-        return None
+                    self.changes.attempt(f"the contact of {name}", lambda: self._show_contact(name))
+            self.changes.move({name: (place, self.places[name]) for name, place in before.items()}, time)
+
+        self.changes.together(show)
+        return self.changes.tell()
+
+    def _show_contact(self, name: str) -> None:
+        self.scene[name].contact = self._contact()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 import forceserver as fs
@@ -20,13 +21,16 @@ from .world import World, product
 period = 0.04  # s, of a frame
 fastest = 0.8  # m/s, of the rover
 tightest = 0.6  # 1/m, of a turn
-quickest = 1.0  # m/s^2, of its speed; 1/(m s), of its curvature
+quickest = 1.0  # m/s^2, of its speed
+quickest_turn = 1.0  # 1/(m s), of its curvature
 
 stiffness, limit = 150.0, 3.0  # N/m and N, of the plane, at the hand
 joystick_scale = 20.0  # m of the scene in drive mode for a metre of the hand
 map_scale = 300.0  # the same in map mode: 60 m are 0.2 m of the hand
 free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, and from where it is at its fastest
 arrived = 0.4  # m, from the goal
+edge, goal_edge = 1.0, 1.5  # m, from the end of the map: of where the rover may be, and of where it is sent
+freely = 5.0  # m: after so long a way without trouble the next trouble is told
 lost_after = 0.1  # s: so old is the place of a hand that is lost
 
 Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
@@ -53,14 +57,19 @@ def wish_of_joystick(hand: Array, axes: Array) -> Wish:
     return Wish(speed, tightest * float(np.clip(left / (limit / stiffness), -1, 1)))
 
 
-def wish_of_goal(goal: Array, position: Array, axes: Array) -> Wish:
-    """Pure pursuit (Coulter 1992): along the circle through the goal. What is behind is reached by a turn first."""
-    ahead, left = (goal - position)[:2] @ axes[:2, :2]
+def wish_of_goal(goal: Array, position: Array, axes: Array, backs: bool = False) -> Wish:
+    """Pure pursuit (Coulter 1992): along the circle through the goal. What is behind is reached by a turn first. A goal at the side,
+    within the tightest turn, would be circled for ever: the rover backs until the goal lies outside of that turn. backs: it does so."""
+    ahead, left = (goal[:2] - position[:2]) @ axes[:2, :2]
     distance = math.hypot(ahead, left)
     if distance < arrived:
         return Wish()
+    speed = min(fastest, 0.2 + 0.5 * (distance - arrived))
+    within = 1 / tightest - math.hypot(ahead, abs(left) - 1 / tightest)  # m: so far the goal lies within the tightest turn
+    if within > (-arrived / 2 if backs else arrived / 2):
+        return Wish(-speed)
     curvature = 2 * left / distance**2 if ahead > 0 else math.copysign(tightest, left)
-    return Wish(min(fastest, 0.2 + 0.5 * (distance - arrived)), float(np.clip(curvature, -tightest, tightest)))
+    return Wish(speed, float(np.clip(curvature, -tightest, tightest)))
 
 
 def orientation_of_plane(rover: Array) -> Array:
@@ -84,13 +93,47 @@ def twist_between(a: Place, b: Place) -> fs.Twist:
     return fs.Twist(linear=(b[0] - a[0]) / period, angular=angular)
 
 
-def move(scene: fs.Scene, moves: dict[str, tuple[Place, Place]], time: float) -> None:
-    """Where each object is at `time` (s), and where it will be a frame later."""
-    for name, (begin, end) in moves.items():
+class Changes:
+    """Changes the objects of a scene. What fails is told once, until it works again; that the server has gone is raised."""
+
+    def __init__(self, scene: fs.Scene) -> None:
+        self.scene = scene
+        self.failing: set[str] = set()
+        self.untold: list[str] = []
+
+    def attempt(self, what: str, does: Callable[[], None]) -> bool:
+        """what: of all that is changed, so that the same failure is told once. Gives whether it was done."""
         try:
-            scene.object_move(name, as_pose(begin), twist_between(begin, end), time)
+            does()
+        except ConnectionError:
+            raise
         except KeyError:
-            continue  # another client has removed it
+            return False  # another client has removed it, which an event tells
+        except fs.Error as failure:
+            if what not in self.failing:
+                self.untold.append(str(failure))
+            self.failing.add(what)
+            return False
+        self.failing.discard(what)
+        return True
+
+    def together(self, does: Callable[[], None]) -> None:
+        """All are felt from the same tick on."""
+
+        def change() -> None:
+            with self.scene.change():
+                does()
+
+        self.attempt("all", change)
+
+    def move(self, moves: dict[str, tuple[Place, Place]], time: float) -> None:
+        """Where each object is at `time` (s), and where it will be a frame later."""
+        for name, (begin, end) in moves.items():
+            pose, twist = as_pose(begin), twist_between(begin, end)
+            self.attempt(f"the place of {name}", lambda: self.scene.object_move(name, pose, twist, time))
+
+    def tell(self) -> str | None:
+        return self.untold.pop(0) if self.untold else None
 
 
 class Robot:
@@ -98,17 +141,19 @@ class Robot:
 
     drive: the hand is a joystick. The middle of the scene is the rover, and its axes are the map's. What the hand feels is the
     plane of its wheels: free ahead, back, up and down, drawn back from either side, until the rover has turned.
-    map: the hand is where the rover shall go, in the map. The plane goes through the rover.
+    map: the hand is where the rover shall go, on the map. The plane goes through the rover.
     """
 
     def __init__(self, scene: fs.Scene, world: World, mode: str) -> None:
         self.scene, self.world, self.mode = scene, world, mode
+        self.changes = Changes(scene)
         self.scale = joystick_scale if mode == "drive" else map_scale
         self.wish = Wish()
         self.strength = self.shown_strength = 1.0  # of the plane, 0 to 1: now, and as it is set
         self.trouble: Trouble | None = None  # until the rover is put back
         self.good_places: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
         self.waited = self.driven = 0.0  # s since it last moved 0.5 m; m
+        self.quiet_until = 0.0  # m driven: trouble before is not told again
         self.last: float | None = None  # s, when the last frame began
         self.is_silent = False  # nothing has been heard of the hand for too long
         self.moved_from = world.position
@@ -139,7 +184,7 @@ class Robot:
         said = self._look(passed) or self._listen(hand.state, time)
         self.parts = self.world.parts()
         self._show(self.parts if self.was_put else before, time)
-        return said
+        return said or self.changes.tell()
 
     def _listen(self, hand: fs.State, time: float) -> str | None:
         was_silent, self.is_silent = self.is_silent, bool(hand.flags & fs.StateFlags.READY) and time - hand.time >= lost_after
@@ -153,42 +198,49 @@ class Robot:
         position = np.asarray(hand.pose.position)
         if self.mode == "drive":
             return wish_of_joystick(position / self.scale, self.world.axes)
-        return wish_of_goal(position, self.world.position, self.world.axes)
+        most = self.world.ground.half - goal_edge
+        return wish_of_goal(np.clip(position[:2], -most, most), self.world.position, self.world.axes, self.wish.speed < 0)
 
     def _go(self, wanted: Wish, passed: float) -> None:
         """Steers, and lets a frame of the physics go by. It brakes five times as quickly as it speeds up: from any speed in 0.2 s.
         passed: s since the last frame."""
-        most, brake = quickest * period, 5 * quickest * passed
+        most, most_turn, brake = quickest * period, quickest_turn * period, 5 * quickest * passed
         before = self.wish.speed
         brakes = abs(wanted.speed) < abs(before) or wanted.speed * before < 0
         target = wanted.speed if wanted.speed * before >= 0 else 0.0  # the other way only from a stand
         speed = before + float(np.clip(target - before, *((-brake, brake) if brakes else (-most, most))))
-        curvature = self.wish.curvature + float(np.clip(wanted.curvature - self.wish.curvature, -most, most))
+        curvature = self.wish.curvature + float(np.clip(wanted.curvature - self.wish.curvature, -most_turn, most_turn))
         self.wish = Wish(speed, curvature)
         self.world.steer(*self.wish)
         self.world.step(round(period / self.world.model.opt.timestep))
 
     def _look(self, passed: float) -> str | None:
         """Ends the force while the rover is in trouble, and puts it back. Gives what is to be said."""
-        self.was_put = False
-        if self.trouble is not None:
-            self.strength = max(0.0, self.strength - passed / 0.5)
-            if self.strength > 0:
-                return None
+        self._fade(passed)
+        said = None
+        self.was_put = self.trouble is not None and self.strength == 0
+        if self.trouble is None:
+            self.trouble = self._new_trouble()
+            said = None if self.trouble is None else self.trouble.why
+        elif self.was_put:
             self._put_back(self.trouble.metres)
-            self.trouble, self.wish, self.waited, self.moved_from = None, Wish(), 0.0, self.world.position
-            self.was_put = True
             x, y, _ = self.world.position
-            return f"it is put back to {x:.1f} m east, {y:.1f} m north"
-        self.strength = min(1.0, self.strength + passed / 0.5)
-        self.trouble = self._new_trouble()
-        return None if self.trouble is None else self.trouble.why
+            said = f"it is put back to {x:.1f} m east, {y:.1f} m north"
+        is_again = self.driven < self.quiet_until
+        if self.was_put:
+            self.quiet_until = self.driven + freely
+        return None if is_again else said
+
+    def _fade(self, passed: float) -> None:
+        """The force, within 0.5 s."""
+        step = passed / 0.5
+        self.strength = min(1.0, self.strength + step) if self.trouble is None else max(0.0, self.strength - step)
 
     def _new_trouble(self) -> Trouble | None:
         x, y, _ = position = self.world.position
         if self.world.axes[2, 2] < 0.3:
             return Trouble("the rover has tipped over", 2.0)
-        if (np.abs(position[:2]) > self.world.ground.half - 1.0).any():
+        if (np.abs(position[:2]) > self.world.ground.half - edge).any():
             return Trouble("the rover is at the edge of the map", 3.0)
         way = float(np.linalg.norm(position - self.moved_from))
         self.waited = self.waited + period if abs(self.wish.speed) > 0.1 else 0.0
@@ -200,6 +252,11 @@ class Robot:
         return Trouble("the rover is stuck", 3.0) if self.waited > 8.0 else None
 
     def _put_back(self, metres: float) -> None:
+        """It stands at another place, and all begins anew."""
+        self._put(metres)
+        self.trouble, self.wish, self.waited, self.moved_from = None, Wish(), 0.0, self.world.position
+
+    def _put(self, metres: float) -> None:
         """To the newest place of its way that is at least so far away, and where it stands; else to the middle of the map."""
         here = self.world.position[:2]
         while self.good_places:
@@ -212,9 +269,14 @@ class Robot:
 
     def _show(self, now: dict[str, Place], time: float) -> None:
         """Where all is at the beginning of the frame, and how it moves until its end."""
-        with self.scene.change():
-            if self.strength != self.shown_strength and "wheels" in self.scene:
-                self.scene["wheels"].change(front=self._profile(), back=self._profile())
+
+        def show() -> None:
+            if self.strength != self.shown_strength and self.changes.attempt("the force of the wheels", self._show_strength):
                 self.shown_strength = self.strength
             of_parts = {name: (now[name], self.parts[name]) for name in now}
-            move(self.scene, {"wheels": (self._plane(now), self._plane(self.parts))} | of_parts, time)
+            self.changes.move({"wheels": (self._plane(now), self._plane(self.parts))} | of_parts, time)
+
+        self.changes.together(show)
+
+    def _show_strength(self) -> None:
+        self.scene["wheels"].change(front=self._profile(), back=self._profile())

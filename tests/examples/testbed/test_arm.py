@@ -141,7 +141,7 @@ def test_the_ground_pushes_as_in_the_physics(tmp_path, place):
                 if k * period > 4:
                     felt.append(np.linalg.norm(hand.response.wrench.force))  # N in the scene
                     contact.append(pressed(rig))
-            assert 5 < np.mean(contact) < rig.robot.touch[1]
+            assert 5 < np.mean(contact) < rig.robot.law[1]
             assert np.mean(felt) == pytest.approx(np.mean(contact), rel=0.2), (felt[-1], contact[-1])
 
 

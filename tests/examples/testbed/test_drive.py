@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from rig import Rig, angle_between, hand_at
 from virtualrobot.ground import BadTerrain, read_heights, terrain_file, width
-from virtualrobot.robot import Robot, limit, map_scale, period, stiffness, twist_between
+from virtualrobot.recording import make_robot
+from virtualrobot.robot import Robot, Trouble, limit, map_scale, period, stiffness, twist_between
 from virtualrobot.world import World
 
 
@@ -63,6 +64,20 @@ def test_ten_goals():
             assert robot.frame(hand_at(goal, time), time) is None
             assert time - begin < 120
     assert robot.driven > 150
+
+
+@pytest.mark.parametrize("left", [0.8, -1.67, 2.5])
+def test_a_goal_at_the_side(left):
+    """It lies within the tightest turn."""
+    world = World()
+    robot = Robot(fs.Scene(), world, "map")
+    goal = world.position + left * world.axes[:, 1]
+    places = [world.position]
+    while np.linalg.norm((places[-1] - goal)[:2]) > 0.5:
+        assert robot.frame(hand_at(goal, len(places) * period), len(places) * period) is None
+        places.append(world.position)
+        assert len(places) * period < 15
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 0.04  # the plane goes through it
 
 
 @pytest.mark.parametrize("every", [period, 0.333])
@@ -192,22 +207,48 @@ def test_on_its_back():
 
 
 def test_at_the_edge():
+    """It is put back again and again, and says so once until it has moved freely. A goal off the map is sought on the map."""
     world = World()
+    world.put(width / 2 - 8, 0, 0)
+    robot = Robot(fs.Scene(), world, "drive")
+    said = in_trouble(robot, [1, 0, 0], 30)
+    assert said[0] == "the rover is at the edge of the map" and abs(world.position[0]) < width / 2 - 1
+    times = 30 + period * np.arange(1000)
+    assert not [text for time in times if (text := robot.frame(hand_at([1, 0, 0], time), time))]
+    world.put(0, 0, 0)
+    assert in_trouble(robot, [1, 0, 0], 60)[0] == said[0]
     world.put(width / 2 - 3, 0, 0)
     robot = Robot(fs.Scene(), world, "map")
-    said = in_trouble(robot, [width, 0, 0], 30)
-    assert said[0] == "the rover is at the edge of the map" and abs(world.position[0]) < width / 2 - 1
+    assert not [text for k in range(500) if (text := robot.frame(hand_at([width, 0, 0], k * period), k * period))]
+    assert world.position[0] == pytest.approx(width / 2 - 1.5, abs=0.5)
 
 
-def test_in_a_pit():
+def test_with_weak_motors():
     world = World()
     robot = Robot(fs.Scene(), world, "map")
-    world.model.geom("hull").contype = 1
-    world.data.qvel[:] = 0
     for name in ("front left", "middle left", "rear left", "front right", "middle right", "rear right"):
         world.model.actuator(f"drive {name}").forcerange[:] = [-1, 1]
     said = in_trouble(robot, [20, 0, 0], 30)
     assert said[0] == "the rover is stuck"
+
+
+@pytest.mark.parametrize("mode", ["map", "arm"])
+def test_it_goes_on_where_others_spoil_its_objects(mode):
+    """One is gone, and one is now such that it cannot be changed as before: that is told once. The others move on."""
+    scene, world = fs.Scene(), World()
+    robot = make_robot(scene, world, mode)
+    removed, spoilt = ("elbow", "wheels") if mode == "map" else ("envelope", "ground")
+    del scene[removed]
+    scene[spoilt].change(primitive=fs.Primitive.POINT, front=fs.Constant(1, limit=1), back=fs.Profile(), shape=None, contact=fs.Contact())
+    said = []
+    for k in range(60):
+        if mode == "map" and k == 20:
+            robot.trouble = Trouble("a trial", 2.0)  # its force fades
+        hand = hand_at([3, 0, 0] if mode == "map" else [0.6, 0.01 * k, 0.1], time := (k + 1) * period)
+        said += [text for text in [robot.frame(hand, time)] if text]
+    assert len([text for text in said if f"'{spoilt}'" in text]) == 1, said
+    motions = scene.get_motions(None)
+    assert motions[motions["name"] == "tip"]["time"] == time
 
 
 def test_twist_between_leads_there():

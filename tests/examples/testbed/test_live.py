@@ -55,10 +55,17 @@ def test_it_drives_and_ends(server):
             ages += [scene.time - float(m["time"]) for m in scene.get_motions(None) if m["name"] == "rover/pose"]
         assert np.median(ages) > 0, ages
         assert any(row.name == "rover/wheels" and row.distance < 1 for row in scene.get_reports())
+        # Others edit what it has, spoil it and remove it: it says so, and goes on.
+        scene["rover/wheels"].change(primitive=fs.Primitive.POINT, front=fs.Constant(1, limit=1), back=fs.Profile())
+        scene["rover/elbow"].change(lifetime=0.5)
+        del scene["rover/wrist"]
+        begin = place(scene)
+        eventually(lambda: (now := place(scene)) and abs(now[0] - begin[0]) > 0.3)
         rover.send_signal(signal.SIGTERM)
         output, _ = rover.communicate(timeout=patience)
         assert rover.returncode == 0, output
         assert "mode drive" in output and "frames, " in output
+        assert all(f"{words} by watcher" in output for words in ("wheels was edited", "elbow was edited", "wrist was removed")), output
         eventually(lambda: place(scene) is None)
 
 
@@ -108,7 +115,7 @@ def test_the_server_is_killed(server):
         eventually(lambda: place(scene))
     server[1].kill()
     output, _ = rover.communicate(timeout=patience)
-    assert rover.returncode == 1 and "server" in output.splitlines()[-1], output
+    assert rover.returncode == 1 and output.splitlines()[-1] == "virtualrobot: the server has gone", output
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
