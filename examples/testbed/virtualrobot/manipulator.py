@@ -8,6 +8,7 @@ from __future__ import annotations
 import forceserver as fs
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from .arm import Arm
 from .ground import Array
@@ -19,6 +20,15 @@ home = (0.6, 0.0, -0.25)  # m, from the shoulder: where the hand is at the origi
 stiffness, limit = 500.0, 60.0  # N/m and N at the tip: of the envelope
 around = 3.0  # m: so far around the shoulder the ground is felt
 small_change = 0.02  # of what the tip touches: less does not matter
+
+
+def raised_rock(points: Array, triangles: NDArray[np.int32], height: float) -> Array:
+    """The points of a convex mesh, moved so that each triangle is further out by `height`, m, as nearly as can be."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    of_points = [normals[(triangles == k).any(axis=1)] for k in range(len(points))]
+    return points + [np.linalg.lstsq(n, np.full(len(n), height), rcond=0.1)[0] for n in of_points]
 
 
 class Manipulator:
@@ -43,6 +53,7 @@ class Manipulator:
             scene["ground"] = fs.Mesh(raised - self.ground_at, triangles, contact=self._contact(), pose=as_pose(self.places["ground"]))
             for i in world.rocks:
                 points, triangles = world.rock(i)
+                points = raised_rock(points, triangles, self.arm.radius)
                 name = world.model.geom(i).name
                 at_rock = (points - world.data.geom_xpos[i]) @ world.data.geom_xmat[i].reshape(3, 3)
                 scene[name] = fs.Mesh(at_rock, triangles, contact=self._contact(), pose=as_pose(self.places[name]))

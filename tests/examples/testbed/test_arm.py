@@ -9,7 +9,7 @@ import pytest
 import shapely
 from rig import Rig
 from virtualrobot.arm import Arm, envelope_error, nearest
-from virtualrobot.manipulator import arm_scale, home
+from virtualrobot.manipulator import Manipulator, arm_scale, home
 from virtualrobot.robot import period
 from virtualrobot.world import World
 
@@ -185,6 +185,22 @@ def test_laps_over_the_ground_give_no_energy(tmp_path, seconds):
         assert work.sum() < 0.003 * np.abs(work).sum(), (work.sum(), np.abs(work).sum())
 
 
+def test_a_rock_is_felt_where_the_tip_touches_it():
+    """The tip is a ball: its middle comes no nearer than its radius."""
+    scene, world = fs.Scene(), World()
+    manipulator = Manipulator(scene, world)
+    for i in world.rocks[:3]:
+        points, triangles = world.rock(i)
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        n = np.cross(b - a, c - a)
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        on_top = n[:, 2] > 0.5
+        for above, is_felt in ((0.017, True), (0.023, False)):
+            places = [manipulator.arm.to_arm(place) for place in ((a + b + c) / 3 + above * n)[on_top]]
+            forces = scene.evaluate(places, name=world.model.geom(i).name)
+            assert ((np.linalg.norm(forces, axis=1) > 0) == is_felt).all()
+
+
 def test_a_rock_is_solid(tmp_path):
     with Rig(tmp_path, rest_at((0.6, 0, 0)), "arm") as rig:
         rock = rig.robot.places["rock 1"][0]
@@ -201,8 +217,6 @@ def test_a_rock_is_solid(tmp_path):
 
 def test_no_energy_of_a_closed_path():
     """Over the ground that stands, around the rocks and in the envelope."""
-    from virtualrobot.manipulator import Manipulator
-
     world = World()
     scene = fs.Scene()
     Manipulator(scene, world)
