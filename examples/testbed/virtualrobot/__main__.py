@@ -60,7 +60,9 @@ def run(chosen: argparse.Namespace) -> None:
         scene = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
         file = stack.enter_context(chosen.record.open("w")) if chosen.record else None
         robot = make_robot(scene, world, chosen.mode)
-        recorder = Recorder(file, chosen.mode, chosen.terrain) if file else None
+        recorder = Recorder(file, chosen.mode, chosen.terrain, world.ground) if file else None
+        if recorder:
+            stack.callback(recorder.end)
         say(f"it stands {where(world)}; mode {chosen.mode}")
         pace = Pace(period)
         time = scene.time - period

@@ -28,7 +28,8 @@ def raised_rock(points: Array, triangles: NDArray[np.int32], height: float) -> A
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     of_points = [normals[(triangles == k).any(axis=1)] for k in range(len(points))]
-    return points + [np.linalg.lstsq(n, np.full(len(n), height), rcond=0.1)[0] for n in of_points]
+    moved: Array = points + [np.linalg.lstsq(n, np.full(len(n), height), rcond=0.1)[0] for n in of_points]
+    return moved
 
 
 class Manipulator:

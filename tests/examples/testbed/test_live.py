@@ -83,16 +83,14 @@ def test_a_recording_is_replayed_bit_for_bit(server, mode, tmp_path):
 
     one = replayed()
     assert one.returncode == 0 and "all with the same bits" in one.stdout, one
-    # Another hand in the middle gives another way from there on.
+    # Another hand in the middle gives another way from there on. A program that is killed writes no last line, but half of one.
     lines = file.read_text().splitlines()
     frame = json.loads(lines[30])
     frame["hand"][0] += 0.3
     frame["proxy"][0] += 0.3
-    file.write_text("\n".join([*lines[:30], json.dumps(frame), *lines[31:], "{"]))
+    file.write_text("\n".join([*lines[:30], json.dumps(frame), *lines[31:-1], "{"]))
     other = replayed()
-    assert other.returncode == 1 and re.fullmatch(r"frame (29|3\d) differs\n", other.stdout), other
-    file.write_text("nothing")
-    assert "this is no recording" in replayed().stderr
+    assert other.returncode == 1 and re.fullmatch(r"frame 3\d: the (rover and the )?joints differ\n", other.stdout), other
 
 
 @pytest.mark.parametrize("mode", ["map", "arm"])
