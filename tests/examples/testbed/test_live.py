@@ -19,10 +19,11 @@ from rig import eventually, patience, testbed
 
 
 @pytest.fixture
-def server() -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    name = f"rover-test-{os.getpid()}"
+def server(request) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A test may give another device."""
+    name, device = f"rover-test-{os.getpid()}", getattr(request, "param", "sim:?hold=0.03,0.002,0")
     program = Path(sys.executable).with_name("forceserver")
-    process = subprocess.Popen([program, "run", "--listen", name, "--device", "sim:?hold=0.03,0.002,0"], text=True,
+    process = subprocess.Popen([program, "run", "--listen", name, "--device", device], text=True,
                                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
     yield f"shm:{name}?timeout=30", process
     process.terminate()
@@ -91,6 +92,39 @@ def test_a_recording_is_replayed_bit_for_bit(server, mode, tmp_path):
     file.write_text("\n".join([*lines[:30], json.dumps(frame), *lines[31:-1], "{"]))
     other = replayed()
     assert other.returncode == 1 and re.fullmatch(r"frame 3\d: the (rover and the )?joints differ\n", other.stdout), other
+
+
+def of_readme(number: int, endpoint: str) -> list[str]:
+    """A command that runs a program of the README at this server."""
+    programs = re.findall(r"```python\n(.*?)```", (testbed / "virtualrobot" / "README.md").read_text(), re.DOTALL)
+    return [sys.executable, "-B", "-c", re.sub(r"shm:lab[^\"]*", endpoint, programs[number])]
+
+
+@pytest.mark.parametrize("server", ["sim:?hand=released"], indirect=True)
+def test_the_guide_of_the_readme(server):
+    rover = start(server[0], "--mode", "map")
+    guide = subprocess.Popen(of_readme(0, server[0]), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
+    with fs.connect(server[0], "watcher") as scene:
+        begin = eventually(lambda: place(scene))
+        eventually(lambda: np.linalg.norm(np.subtract(place(scene), begin)) > 3)
+    guide.send_signal(signal.SIGINT)
+    output, _ = guide.communicate(timeout=patience)
+    assert guide.returncode == 0 and output == ""
+    rover.terminate()
+    rover.communicate(timeout=patience)
+
+
+def test_the_tip_of_the_readme(server):
+    rover = start(server[0], "--mode", "arm")
+    with fs.connect(server[0], "watcher") as scene:
+        eventually(lambda: place(scene))
+        time.sleep(3)  # the tip comes to the hand
+        output = subprocess.run(of_readme(1, server[0]), text=True, capture_output=True, check=True).stdout
+        tip, hand = (np.array(text.split(), float) for text in re.findall(r"\[(.*?)\]", output))
+        assert np.linalg.norm(tip - hand) < 0.01 and hand[0] == pytest.approx(0.6 + 0.031 * 12, abs=0.01), output
+    rover.terminate()
+    rover.communicate(timeout=patience)
 
 
 @pytest.mark.parametrize("mode", ["map", "arm"])
