@@ -100,8 +100,17 @@ make_environment() {
   touch "$environment/is_complete"
 }
 
+# need_driver URI: ends with a message where no driver can open such a device.
+need_driver() {
+  local name=${1%%:*}
+  [[ "$1" == *:* ]] && [ -n "$name" ] && [ -d "$root/device/$name" ] && return
+  [[ "$1" == *:* ]] && [ -n "$(find -L "$root/build" -path "*/drivers-1/$name.so" 2> /dev/null)" ] && return
+  echo "the device '$1': it must begin with the name of a driver and a colon, such as sim: (device/README.md)" >&2
+  exit 2
+}
+
 # prepare_python FOLDER PACKAGE...: makes an environment of Python with forceserver, what it takes to build that, and these packages.
-# PYTHON: another interpreter. FORCESERVER_WHEEL: of the Python package, where it has been made already.
+# PYTHON: another interpreter. FORCESERVER_WHEEL: a wheel of the Python package, used instead of building it.
 prepare_python() {
   local folder=$1 python=${PYTHON:-python3} headers made_for
   shift

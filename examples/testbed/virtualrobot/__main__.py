@@ -7,13 +7,13 @@ import contextlib
 import math
 import signal
 import sys
-from pathlib import Path
 
 import forceserver as fs
 
 from .ground import BadTerrain, terrain_file
+from .options import options
 from .pace import Pace
-from .recording import Recorder, make_robot, modes
+from .recording import Recorder, make_robot
 from .robot import period
 from .world import World
 
@@ -23,17 +23,6 @@ name = "rover"  # of the client
 
 def say(text: str) -> None:
     print(f"{name}: {text}", flush=True)
-
-
-def options(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="virtualrobot", description=__doc__)
-    parser.add_argument("endpoint", metavar="ENDPOINT", help="of the server, such as shm:lab")
-    parser.add_argument("--mode", choices=modes, default="drive",
-                        help="what the hand is: a joystick; the place on the map where the rover shall go; the tip of the arm")  # fmt: skip
-    parser.add_argument("--name", default="rover", help="of the client (%(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="writes what the hand and the rover do (recording.py)")
-    parser.add_argument("--terrain", type=Path, default=terrain_file, metavar="FILE", help="heights, an Esri ASCII grid")
-    return parser.parse_args(arguments)
 
 
 def where(world: World) -> str:
@@ -55,12 +44,13 @@ def tell_events(scene: fs.Scene) -> None:
 
 
 def run(chosen: argparse.Namespace) -> None:
-    world = World(chosen.terrain)
+    terrain = chosen.terrain or terrain_file
+    world = World(terrain)
     with contextlib.ExitStack() as stack:
         scene = stack.enter_context(fs.connect(chosen.endpoint, chosen.name))
         file = stack.enter_context(chosen.record.open("w")) if chosen.record else None
         robot = make_robot(scene, world, chosen.mode)
-        recorder = Recorder(file, chosen.mode, chosen.terrain, world.ground) if file else None
+        recorder = Recorder(file, chosen.mode, terrain, world.ground) if file else None
         if recorder:
             stack.callback(recorder.end)
         say(f"it stands {where(world)}; mode {chosen.mode}")

@@ -22,11 +22,11 @@ import numpy as np
 
 from .ground import BadTerrain, Ground
 from .manipulator import Manipulator
+from .options import modes
 from .robot import Robot
 from .world import World
 
 
-modes = ("drive", "map", "arm")
 versions = {"mujoco": mujoco.__version__, "forceserver": fs.__version__}
 root = Path(__file__).resolve().parents[3]  # of the repository
 farthest = 1e6  # m or s: no hand and no clock is beyond

@@ -38,6 +38,36 @@ def test_a_short_tour(mode):
 
 
 @needs_programs
+def test_ctrl_c_at_the_begin(tmp_path):
+    """It reaches all programs of the terminal, some before they listen to it. Nothing has failed, and nothing is left."""
+    for _ in range(5):
+        command = [testbed / "run", "--built", built]
+        run = subprocess.Popen(command, env={**os.environ, "TMPDIR": str(tmp_path)}, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT, start_new_session=True,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
+        eventually(lambda: list(tmp_path.glob("*/server")))
+        os.killpg(run.pid, signal.SIGINT)
+        output, _ = run.communicate(timeout=patience)
+        assert run.returncode == 0 and "FAILED" not in output and "interrupted" in output, output
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("command", "words"), [
+    (["run", "--built", "/nonexistent"], "no programs of the testbed in /nonexistent"),
+    (["run", "--built", built, "--device", "nope:"], "the device 'nope:'"),
+    (["virtualrobot/run", "--device", "nope:"], "the device 'nope:'"),
+    (["virtualrobot/run", "--device"], "--device needs"),
+    (["virtualrobot/run", "--mode", "fly"], "invalid choice: 'fly'"),
+])  # fmt: skip
+@needs_programs
+def test_wrong_options(command, words):
+    """They are told before anything is built or started."""
+    run = subprocess.run([testbed / command[0], *command[1:]], text=True, stdin=subprocess.DEVNULL, capture_output=True)
+    assert run.returncode == 2 and words in run.stderr and not run.stdout, run
+    assert "preparing" not in run.stderr
+
+
+@needs_programs
 def test_each_is_killed_in_turn(tmp_path):
     """What the others give goes on. What the killed one gave fades, and comes back as softly: the force never jumps. Without the server
     each ends, with a sentence."""
