@@ -1,4 +1,4 @@
-// The force editor: it has a spring to a point, and changes the spring's strength as a user would with a slider. Now
+// The simple editor: it has a spring to a point, and changes the spring's strength as a user would with a slider. Now
 // and then it changes another client's object: the strength of the viewer's western hazard.
 #include <cmath>
 #include <stdexcept>

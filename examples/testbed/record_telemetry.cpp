@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "recording.h"
+#include "telemetry.h"
 
 namespace {
 

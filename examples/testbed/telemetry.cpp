@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "client.h"
-#include "recording.h"
+#include "telemetry.h"
 
 static std::vector<Telemetry> read_telemetry(const std::string& path) {
   std::vector<Telemetry> rows;

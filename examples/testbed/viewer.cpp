@@ -1,8 +1,13 @@
-// VIZ: the display of the landscape. It adds the ground, a mesh that is sent to the server once, and two hazards that
+// The simple viewer of the landscape. It adds the ground, a mesh that is sent to the server once, and two hazards that
 // keep the hand away. It prints what happens to its objects: they are felt, or edited by others.
+#include <set>
+
 #include "client.h"
 
-static void show(Client& client, const fs_event& event) {
+using Names = std::set<std::string>;
+
+// softer: the objects of which it has been said that they are felt softer.
+static void show(Client& client, const fs_event& event, Names& softer) {
   switch (event.kind) {
     case FS_EVENT_READY: return client.say("%s is felt", event.name);
     case FS_EVENT_REFUSED: return client.say("the server does not take %s: %s", event.name, event.text);
@@ -18,8 +23,14 @@ static void show(Client& client, const fs_event& event) {
       client.say("%s was edited by %s: now %g N", event.name, event.text, object.front.gain);
       return fs_object_release(&object);
     }
+    case FS_EVENT_CAPPED:
+      // It is told again whenever the hand comes to where it is so.
+      if (softer.insert(event.name).second) client.say("%s is felt softer than it is set, so that the hand stays calm", event.name);
+      return;
+    case FS_EVENT_EXPIRED: return client.say("%s is no longer felt: its lifetime is over", event.name);
+    case FS_EVENT_OVERFLOW: return client.say("%g events came too quickly to be told", event.value);
     case FS_EVENT_NONE: return;
-    default: return client.say("%s: %s %s", fs_event_kind_name(event.kind), event.name, event.text);
+    default: return client.say("%s: %s", event.name, event.text);
   }
 }
 
@@ -31,11 +42,12 @@ static void view(Client& client, const Arguments&) {
   add_hazard(client.scene(), terrain, "hazard south", -2500, -8500, 2500, 3);
   check(fs_scene_commit(client.scene()));
   client.say("sent the ground, %d triangles, and two hazards", 2 * (terrain.columns - 1) * (terrain.rows - 1));
+  Names softer;
   while (client.wait(0.02)) {
     fs_event event;
     do {
       check(fs_scene_next_event(client.scene(), 0, &event));
-      show(client, event);
+      show(client, event, softer);
     } while (event.kind != FS_EVENT_NONE);
   }
 }

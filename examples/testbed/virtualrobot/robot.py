@@ -31,7 +31,7 @@ free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, 
 arrived = 0.4  # m, from the goal
 edge, goal_edge = 1.0, 1.5  # m, from the end of the map: of where the rover may be, and of where it is sent
 freely = 5.0  # m: after so long a way without trouble the next trouble is told
-lost_after = 0.1  # s: so old is the place of a hand that is lost
+lost_after = 0.1  # s: a hand whose newest place is older is lost
 
 Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
 
@@ -152,7 +152,8 @@ class Robot:
         self.strength = self.shown_strength = 1.0  # of the plane, 0 to 1: now, and as it is set
         self.trouble: Trouble | None = None  # until the rover is put back
         self.good_places: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
-        self.waited = self.driven = 0.0  # s since it last moved 0.5 m; m
+        self.waited = 0.0  # s, that it has tried to drive since it last moved 0.5 m
+        self.driven = 0.0  # m, in all
         self.quiet_until = 0.0  # m driven: trouble before is not told again
         self.last: float | None = None  # s, when the last frame began
         self.is_silent = False  # nothing has been heard of the hand for too long

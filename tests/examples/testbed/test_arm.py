@@ -216,7 +216,7 @@ def test_a_rock_is_solid(tmp_path):
 
 
 def test_no_energy_of_a_closed_path():
-    """Over the ground that stands, around the rocks and in the envelope."""
+    """Over the ground, while the rover stands."""
     world = World()
     scene = fs.Scene()
     Manipulator(scene, world)
