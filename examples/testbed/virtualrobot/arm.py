@@ -58,6 +58,11 @@ class Arm:
     def to_arm(self, place: Array) -> Array:
         return (place - self.shoulder) @ self.axes
 
+    def ground_below(self, x: float, y: float) -> Array:
+        """The ground at x, y of the arm's axes."""
+        east, north, _ = self.to_world(np.array([x, y, 0]))
+        return self.to_arm(np.array([east, north, self.world.ground.height(east, north)]))
+
     @property
     def place(self) -> Array:
         """Of the tip."""
@@ -151,7 +156,7 @@ class Arm:
 
     # -------------------------------------------------------------------------------------------------------- envelope
 
-    def outline(self, spacing: float = envelope_error / 2) -> shapely.Geometry:
+    def outline(self) -> shapely.Geometry:
         """Where the tip can be in the plane of the arm: r (m, from the azimuth's axis), z.
 
         At each distance from the shoulder there is an elbow and a wrist for some angles, and the shoulder turns these on; it turns
@@ -163,7 +168,7 @@ class Arm:
         before = first + second * np.exp(-1j * elbow)  # r + i z of the wrist, as if the shoulder were at 0
         middle = (low[1] + high[1]) / 2
         ends = []
-        for distance in np.arange(nearest, float(self.lengths.sum()), spacing):
+        for distance in np.arange(nearest, float(self.lengths.sum()), envelope_error / 2):
             cosine = (distance**2 - np.abs(before) ** 2 - last**2) / (2 * np.abs(before) * last)
             bend = np.arccos(cosine, where=np.abs(cosine) <= 1, out=np.full_like(cosine, np.nan))
             wrist = np.concatenate([-np.angle(before) + sign * bend - elbow for sign in (1, -1)])

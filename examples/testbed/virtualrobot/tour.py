@@ -25,9 +25,7 @@ def arm_stops() -> Array:
     arm = Arm(world)
 
     def above(x: float, y: float, height: float) -> Array:
-        """The ground, or what is above it by that much."""
-        place = arm.to_world(np.array([x, y, 0]))
-        return arm.to_arm(np.array([place[0], place[1], world.ground.height(place[0], place[1]) + height]))
+        return arm.ground_below(x, y) + [0, 0, height]
 
     rock = arm.to_arm(world.data.geom_xpos[world.rocks[0]])
     stops = [np.array(home), np.array([1.3, 0.2, 0.3]), np.array([0.7, 0.2, 0.1]), above(0.6, -0.2, 0.15), above(0.6, -0.2, -0.02),

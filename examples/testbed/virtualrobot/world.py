@@ -103,14 +103,6 @@ class World:
     def orientation(self) -> Array:
         return np.array(self.data.xquat[self.rover])
 
-    @property
-    def twist(self) -> tuple[Array, Array]:
-        """Of the middle of the rover: m/s and rad/s, in the world's axes."""
-        out = np.zeros(6)
-        site = self.model.site("middle").id
-        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, site, out, 0)
-        return out[3:], out[:3]
-
     def parts(self) -> dict[str, tuple[Array, Array]]:
         """Where they are on the map, and how they stand: "pose" is the rover's, the others are the joints and the tip of the arm."""
         out = {"pose": (self.position, self.orientation)}

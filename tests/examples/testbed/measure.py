@@ -63,14 +63,11 @@ class Switched(Manipulator):
 
 def over_ground() -> list[tuple[float, float, float, float]]:
     """The tip goes down to the ground, along it, up and down again."""
-    world = rig.World()
-    arm = virtualrobot.manipulator.Arm(world)
+    arm = virtualrobot.manipulator.Arm(rig.World())
     path = []
     for t, x, y, above in ((0, 0.6, 0, 0.3), (1, 0.7, -0.2, 0.1), (2, 0.7, -0.2, -0.01), (4, 0.65, 0.1, -0.01), (5, 0.65, 0.1, 0.05),
                            (6, 0.65, 0.1, -0.02), (8, 0.75, -0.2, 0.0), (9, 0.6, 0, 0.3)):  # fmt: skip
-        place = arm.to_world(np.array([x, y, 0]))
-        ground = arm.to_arm(np.array([*place[:2], world.ground.height(*place[:2])]))
-        path.append((t, *at_device(ground + [0, 0, above])))
+        path.append((t, *at_device(arm.ground_below(x, y) + [0, 0, above])))
     return path
 
 

@@ -122,19 +122,12 @@ def pressed(rig: Rig) -> float:
 places = [(-8, 5, 0.5), (12, -9, 2.0), (5, 14, -1.0), (-15, -12, 1.5), (20, 3, 0.0)]  # m, m, rad: of a rover, away from the rocks
 
 
-def ground_below(world: World, x: float, y: float) -> np.ndarray:
-    """In the arm's axes, where the ground is at x, y of these."""
-    arm = Arm(world)
-    place = arm.to_world(np.array([x, y, 0]))
-    return arm.to_arm(np.array([place[0], place[1], world.ground.height(place[0], place[1])]))
-
-
 @pytest.mark.parametrize("place", places)
 def test_the_ground_pushes_as_in_the_physics(tmp_path, place):
     world = World()
     world.put(*place)
     for x, y in ((0.7, -0.3), (0.65, 0.2)):
-        path = rest_at(ground_below(world, x, y) + [0, 0, 0.003], since=2)
+        path = rest_at(Arm(world).ground_below(x, y) + [0, 0, 0.003], since=2)
         with Rig(tmp_path, path, "arm", place=place) as rig:
             felt, contact = [], []
             for k, hand in enumerate(rig.run(6)):
@@ -150,7 +143,7 @@ def test_nothing_is_felt_above_the_ground(tmp_path):
     place = places[0]
     world = World()
     world.put(*place)
-    above = ground_below(world, 0.75, -0.1) + [0, 0, 0.1]
+    above = Arm(world).ground_below(0.75, -0.1) + [0, 0, 0.1]
     path = [(0, *at_device((0.6, 0.3, 0.1))), (2, *at_device((0.6, 0.3, 0.1))), (2.4, *at_device(above)), (4, *at_device(above))]
     with Rig(tmp_path, path, "arm", place=place) as rig:
         for hand in rig.run(4):
@@ -166,7 +159,7 @@ def test_laps_over_the_ground_give_no_energy(tmp_path, seconds):
     place = places[1]
     world = World()
     world.put(*place)
-    middle = (ground_below(world, 0.7, 0.0) + [0, 0, 0.02] - home) / arm_scale
+    middle = (Arm(world).ground_below(0.7, 0.0) + [0, 0, 0.02] - home) / arm_scale
     random = np.random.default_rng(8)
     for _ in range(3):
         t = np.linspace(0, 1, round(seconds / 0.02), endpoint=False)
