@@ -24,9 +24,9 @@ static void show(Client& client, const fs_event& event, Names& softer) {
       return fs_object_release(&object);
     }
     case FS_EVENT_CAPPED:
-      // It is told again whenever the hand comes to where it is so.
-      if (softer.insert(event.name).second) client.say("%s is felt softer than it is set, so that the hand stays calm", event.name);
-      return;
+      // The event comes again and again, wherever the hand comes to such a place.
+      if (!softer.insert(event.name).second) return;
+      return client.say("%s is felt softer than it is set, so that the hand stays calm", event.name);
     case FS_EVENT_EXPIRED: return client.say("%s is no longer felt: its lifetime is over", event.name);
     case FS_EVENT_OVERFLOW: return client.say("%g events came too quickly to be told", event.value);
     case FS_EVENT_NONE: return;

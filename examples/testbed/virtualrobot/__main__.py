@@ -40,7 +40,8 @@ def tell_events(scene: fs.Scene) -> None:
         if event.kind == fs.EventKind.EDITED:
             say(f"{event.name} was {'edited' if event.name in scene else 'removed'} by {event.text}")
         if event.kind == fs.EventKind.DEVICE:
-            say(f"the device {event.name} is ready" if event.status == 0 else f"no force from the device {event.name}: {event.text}")
+            is_ready = event.status == 0
+            say(f"the device {event.name} is ready" if is_ready else f"no force from the device {event.name}: {event.text}")
 
 
 def run(chosen: argparse.Namespace) -> None:

@@ -159,8 +159,8 @@ class Arm:
     def outline(self) -> shapely.Geometry:
         """Where the tip can be in the plane of the arm: r (m, from the azimuth's axis), z.
 
-        At each distance from the shoulder there is an elbow and a wrist for some angles, and the shoulder turns these on; it turns
-        by more than any gap between them. So the outline is the least and the greatest angle at each distance.
+        At each distance from the shoulder there is an elbow and a wrist for some angles, and the shoulder turns these on; it
+        turns by more than any gap between them. So the outline is the least and the greatest angle at each distance.
         """
         first, second, last = self.lengths
         low, high = self.range[1:].T

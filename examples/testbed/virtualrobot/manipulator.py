@@ -47,14 +47,15 @@ class Manipulator:
         frame = fs.Frame(pose=fs.Pose(position=-np.array(home) / arm_scale), scale=arm_scale, force_scale=arm_force_scale)
         scene.set_frame(frame)
         points, triangles = world.ground.mesh(self.ground_at, around)
-        raised = points + self.arm.radius * np.array([world.ground.normal(x, y, self.arm.radius) for x, y, _ in points])  # the tip is a ball
+        radius = self.arm.radius  # the tip is a ball, and the hand is its middle
+        raised = points + radius * np.array([world.ground.normal(x, y, radius) for x, y, _ in points]) - self.ground_at
         with scene.change():
             inside = fs.Contact(keep="back", stiffness=stiffness, limit=limit)
             scene["envelope"] = fs.Mesh(*self.arm.envelope(), contact=inside)
-            scene["ground"] = fs.Mesh(raised - self.ground_at, triangles, contact=self._contact(), pose=as_pose(self.places["ground"]))
+            scene["ground"] = fs.Mesh(raised, triangles, contact=self._contact(), pose=as_pose(self.places["ground"]))
             for i in world.rocks:
                 points, triangles = world.rock(i)
-                points = raised_rock(points, triangles, self.arm.radius)
+                points = raised_rock(points, triangles, radius)
                 name = world.model.geom(i).name
                 at_rock = (points - world.data.geom_xpos[i]) @ world.data.geom_xmat[i].reshape(3, 3)
                 scene[name] = fs.Mesh(at_rock, triangles, contact=self._contact(), pose=as_pose(self.places[name]))
@@ -83,11 +84,12 @@ class Manipulator:
 
     def _is_within_reach(self, place: Array) -> bool:
         low, high = self.arm.range[0]
-        return bool(low <= np.arctan2(place[1], place[0]) <= high and shapely.contains_xy(self.outline, np.hypot(*place[:2]), place[2]))
+        x, y, z = place
+        return bool(low <= np.arctan2(y, x) <= high and shapely.contains_xy(self.outline, np.hypot(x, y), z))
 
     def frame(self, hand: fs.Hand, time: float) -> str | None:
-        """A frame that begins at `time` (s, on the scene's clock). The tip goes to the hand, into the ground as well, where the motors
-        then push; or where the envelope holds the hand."""
+        """A frame that begins at `time` (s, on the scene's clock). The tip goes to the hand, into the ground as well, where the
+        motors then push; or where the envelope holds the hand."""
         at = np.asarray(hand.state.pose.position)
         if is_held(hand.state, time):
             self.arm.reach_for(at if self._is_within_reach(at) else np.asarray(hand.response.proxy.position), period)

@@ -6,7 +6,7 @@ import time
 
 
 class Pace:
-    """Waits for the next frame. A frame that comes late by more than a period is counted; those that it has missed are left out."""
+    """Waits for the next frame. One that comes late by more than a period is counted; those that it has missed are left out."""
 
     def __init__(self, period: float) -> None:
         self.period = period  # s

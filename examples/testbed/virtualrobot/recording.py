@@ -1,6 +1,7 @@
 """A recording: what the hand did, and what the rover, its arm and the force did, frame by frame.
 
-A rover is moved by the hand alone, so the recorded hand moves it again by the same bits, on the same machine with the same versions:
+A rover is moved by the hand alone, so the recorded hand moves it again by the same bits, on the same machine with the same
+versions:
 
     python -m virtualrobot.recording FILE
 
@@ -42,8 +43,8 @@ def make_robot(scene: fs.Scene, world: World, mode: str) -> Robot | Manipulator:
 
 def _of_hand(hand: fs.Hand) -> dict[str, Any]:
     """What moves the rover; m, in its scene."""
-    places = {"hand": hand.state.pose.position, "proxy": hand.response.proxy.position}
-    return {"flags": int(hand.state.flags), "hand_time": float(hand.state.time)} | {name: [float(x) for x in place] for name, place in places.items()}
+    hand_at, proxy_at = ([float(x) for x in place] for place in (hand.state.pose.position, hand.response.proxy.position))
+    return {"flags": int(hand.state.flags), "hand_time": float(hand.state.time), "hand": hand_at, "proxy": proxy_at}
 
 
 def _of_world(world: World) -> dict[str, Any]:
@@ -56,7 +57,7 @@ def _of_ground(ground: Ground) -> str:
 
 
 class Recorder:
-    """A line for each frame, as JSON, which keeps every bit of a number. The last line tells how many there are, and their checksum."""
+    """A line for each frame, as JSON, which keeps every bit of a number. The last has the number of frames and a checksum."""
 
     def __init__(self, file: TextIO, mode: str, terrain: Path, ground: Ground) -> None:
         self.file = file

@@ -30,7 +30,7 @@ map_scale = 300.0  # the same in map mode: 60 m are 0.2 m of the hand
 free, full = 0.005, 0.035  # m of the hand ahead: up to where the rover stands, and from where it is at its fastest
 arrived = 0.4  # m, from the goal
 edge, goal_edge = 1.0, 1.5  # m, from the end of the map: of where the rover may be, and of where it is sent
-freely = 5.0  # m: after so long a way without trouble the next trouble is told
+freely = 5.0  # m: after so long a way the same trouble is told again
 lost_after = 0.1  # s: a hand whose newest place is older is lost
 
 Place = tuple[Array, Array]  # position (m) and orientation (w, x, y, z)
@@ -58,8 +58,8 @@ def wish_of_joystick(hand: Array, axes: Array) -> Wish:
 
 
 def wish_of_goal(goal: Array, position: Array, axes: Array, backs: bool = False) -> Wish:
-    """Pure pursuit (Coulter 1992): along the circle through the goal. What is behind is reached by a turn first. A goal at the side,
-    within the tightest turn, would be circled for ever: the rover backs until the goal lies outside of that turn. backs: it does so."""
+    """Pure pursuit (Coulter 1992): along the circle through the goal. What is behind is reached by a turn first. A goal at the
+    side, within the tightest turn, would be circled for ever: the rover backs until it lies outside. backs: it does so now."""
     ahead, left = (goal[:2] - position[:2]) @ axes[:2, :2]
     distance = math.hypot(ahead, left)
     if distance < arrived:
@@ -154,7 +154,8 @@ class Robot:
         self.good_places: deque[tuple[float, float, float]] = deque(maxlen=200)  # x, y, heading where all was well, each 0.5 m
         self.waited = 0.0  # s, that it has tried to drive since it last moved 0.5 m
         self.driven = 0.0  # m, in all
-        self.quiet_until = 0.0  # m driven: trouble before is not told again
+        self.told, self.quiet_until = "", 0.0  # the last trouble, and up to where it is not told again, m driven
+        self.is_quiet = False  # the present trouble is not told
         self.last: float | None = None  # s, when the last frame began
         self.is_silent = False  # nothing has been heard of the hand for too long
         self.moved_from = world.position
@@ -203,8 +204,8 @@ class Robot:
         return wish_of_goal(np.clip(position[:2], -most, most), self.world.position, self.world.axes, self.wish.speed < 0)
 
     def _go(self, wanted: Wish, passed: float) -> None:
-        """Steers, and lets a frame of the physics go by. It brakes five times as quickly as it speeds up: from any speed in 0.2 s.
-        passed: s since the last frame."""
+        """Steers, and lets a frame of the physics go by. It brakes five times as quickly as it speeds up: from any speed in
+        0.2 s. passed: s since the last frame."""
         most, most_turn, brake = quickest * period, quickest_turn * period, 5 * quickest * passed
         before = self.wish.speed
         brakes = abs(wanted.speed) < abs(before) or wanted.speed * before < 0
@@ -218,19 +219,20 @@ class Robot:
     def _look(self, passed: float) -> str | None:
         """Ends the force while the rover is in trouble, and puts it back. Gives what is to be said."""
         self._fade(passed)
-        said = None
-        self.was_put = self.trouble is not None and self.strength == 0
+        self.was_put = False
         if self.trouble is None:
             self.trouble = self._new_trouble()
-            said = None if self.trouble is None else self.trouble.why
-        elif self.was_put:
-            self._put_back(self.trouble.metres)
-            x, y, _ = self.world.position
-            said = f"it is put back to {x:.1f} m east, {y:.1f} m north"
-        is_again = self.driven < self.quiet_until
-        if self.was_put:
-            self.quiet_until = self.driven + freely
-        return None if is_again else said
+            if self.trouble is None:
+                return None
+            self.is_quiet = self.trouble.why == self.told and self.driven < self.quiet_until
+            self.told = self.trouble.why
+            return None if self.is_quiet else self.told
+        if self.strength > 0:
+            return None
+        self._put_back(self.trouble.metres)
+        self.was_put, self.quiet_until = True, self.driven + freely
+        x, y, _ = self.world.position
+        return None if self.is_quiet else f"it is put back to {x:.1f} m east, {y:.1f} m north"
 
     def _fade(self, passed: float) -> None:
         """The force, within 0.5 s."""

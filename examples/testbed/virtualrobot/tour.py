@@ -1,7 +1,7 @@
-"""python -m virtualrobot.tour drive|arm SECONDS LEAD FILE: writes the path of a simulated hand (sim:?path=FILE), which begins after LEAD s.
+"""python -m virtualrobot.tour drive|arm SECONDS LEAD FILE: writes the path of a simulated hand (sim:?path=FILE).
 
-drive: straight ahead, a turn against the plane to either side, back. arm: out of reach and back, down to the ground and along it, onto
-a rock, and up.
+It begins after LEAD s. drive: straight ahead, a turn against the plane to either side, back. arm: out of reach and back, down to
+the ground and along it, onto a rock, and up.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from .ground import Array
 from .manipulator import arm_scale, home
 from .world import World
 
-drive_stops = np.array([[0, 0, 0], [0.04, 0, 0], [0.04, 0, 0], [0.035, 0.02, 0], [0.035, 0.02, 0], [0.03, -0.02, 0], [-0.03, 0, 0], [0, 0, 0]])
+drive_stops = np.array([[0, 0, 0], [0.04, 0, 0], [0.04, 0, 0], [0.035, 0.02, 0], [0.035, 0.02, 0], [0.03, -0.02, 0],
+                        [-0.03, 0, 0], [0, 0, 0]])  # fmt: skip
 
 
 def arm_stops() -> Array:
@@ -28,8 +29,11 @@ def arm_stops() -> Array:
         return arm.ground_below(x, y) + [0, 0, height]
 
     rock = arm.to_arm(world.data.geom_xpos[world.rocks[0]])
-    stops = [np.array(home), np.array([1.3, 0.2, 0.3]), np.array([0.7, 0.2, 0.1]), above(0.6, -0.2, 0.15), above(0.6, -0.2, -0.02),
-             above(0.7, 0.1, -0.02), above(0.6, 0, 0.2), rock + [0, 0, 0.3], rock + [0, 0, 0.05], rock + [0, 0, 0.35], np.array(home)]  # fmt: skip
+    stops = [
+        np.array(home), np.array([1.3, 0.2, 0.3]), np.array([0.7, 0.2, 0.1]),
+        above(0.6, -0.2, 0.15), above(0.6, -0.2, -0.02), above(0.7, 0.1, -0.02), above(0.6, 0, 0.2),
+        rock + [0, 0, 0.3], rock + [0, 0, 0.05], rock + [0, 0, 0.35], np.array(home),
+    ]  # fmt: skip
     return (np.array(stops) - home) / arm_scale
 
 

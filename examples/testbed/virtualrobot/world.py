@@ -104,7 +104,7 @@ class World:
         return np.array(self.data.xquat[self.rover])
 
     def parts(self) -> dict[str, tuple[Array, Array]]:
-        """Where they are on the map, and how they stand: "pose" is the rover's, the others are the joints and the tip of the arm."""
+        """Where they are on the map, and how they stand: "pose" is the rover's, the others are joints and tip of the arm."""
         out = {"pose": (self.position, self.orientation)}
         for name, body in (("shoulder", "turret"), ("elbow", "forearm"), ("wrist", "scoop")):
             out[name] = (np.array(self.data.body(body).xpos), np.array(self.data.body(body).xquat))

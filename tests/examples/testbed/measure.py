@@ -29,7 +29,9 @@ from viz.app import Viz
 from viz.picture import Picture
 from viz.show import Show
 
-curve: list[tuple[float, float, float, float]] = [(0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, 0.02, 0), (8, 0.03, -0.02, 0), (12, -0.02, 0.01, 0), (16, 0.03, 0, 0)]
+curve: list[tuple[float, float, float, float]] = [
+    (0, 0, 0, 0), (1, 0.03, 0.01, 0), (4, 0.04, 0.02, 0), (8, 0.03, -0.02, 0), (12, -0.02, 0.01, 0), (16, 0.03, 0, 0),
+]  # fmt: skip
 
 
 def spread(values: list[float]) -> str:
@@ -65,8 +67,8 @@ def over_ground() -> list[tuple[float, float, float, float]]:
     """The tip goes down to the ground, along it, up and down again."""
     arm = virtualrobot.manipulator.Arm(rig.World())
     path = []
-    for t, x, y, above in ((0, 0.6, 0, 0.3), (1, 0.7, -0.2, 0.1), (2, 0.7, -0.2, -0.01), (4, 0.65, 0.1, -0.01), (5, 0.65, 0.1, 0.05),
-                           (6, 0.65, 0.1, -0.02), (8, 0.75, -0.2, 0.0), (9, 0.6, 0, 0.3)):  # fmt: skip
+    for t, x, y, above in ((0, 0.6, 0, 0.3), (1, 0.7, -0.2, 0.1), (2, 0.7, -0.2, -0.01), (4, 0.65, 0.1, -0.01),
+                           (5, 0.65, 0.1, 0.05), (6, 0.65, 0.1, -0.02), (8, 0.75, -0.2, 0.0), (9, 0.6, 0, 0.3)):  # fmt: skip
         path.append((t, *at_device(arm.ground_below(x, y) + [0, 0, above])))
     return path
 
@@ -147,7 +149,8 @@ def measure_start() -> None:
     with fs.connect(f"shm:{endpoint}?timeout=30", "watcher") as watcher, tempfile.TemporaryDirectory() as out:
         hazards = Path(out) / "hazards.json"
         shutil.copy(folder / "hazards.json", hazards)
-        for name, words in (("rover", ["virtualrobot", "--mode", "map"]), ("viz", ["viz", "--hazards", hazards, "--off-screen", f"{out}/viz.png"])):
+        of_viz = ["viz", "--hazards", hazards, "--off-screen", f"{out}/viz.png"]
+        for name, words in (("rover", ["virtualrobot", "--mode", "map"]), ("viz", of_viz)):
             seconds = []
             for _ in range(3):
                 begin = time.perf_counter()

@@ -244,7 +244,8 @@ def test_it_goes_on_where_others_spoil_its_objects(mode):
     robot = make_robot(scene, world, mode)
     removed, spoilt = ("elbow", "wheels") if mode == "map" else ("envelope", "ground")
     del scene[removed]
-    scene[spoilt].change(primitive=fs.Primitive.POINT, front=fs.Constant(1, limit=1), back=fs.Profile(), shape=None, contact=fs.Contact())
+    none = {"back": fs.Profile(), "shape": None, "contact": fs.Contact()}
+    scene[spoilt].change(primitive=fs.Primitive.POINT, front=fs.Constant(1, limit=1), **none)
     said = []
     for k in range(60):
         if mode == "map" and k == 20:

@@ -41,8 +41,8 @@ def test_a_short_tour(mode):
 def test_ctrl_c_at_the_begin(tmp_path):
     """It reaches all programs of the terminal, some before they listen to it. Nothing has failed, and nothing is left."""
     for _ in range(5):
-        command = [testbed / "run", "--built", built]
-        run = subprocess.Popen(command, env={**os.environ, "TMPDIR": str(tmp_path)}, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        command, environment = [testbed / "run", "--built", built], {**os.environ, "TMPDIR": str(tmp_path)}
+        run = subprocess.Popen(command, env=environment, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                stderr=subprocess.STDOUT, start_new_session=True,
                                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
         eventually(lambda: list(tmp_path.glob("*/server")))
