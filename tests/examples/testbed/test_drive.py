@@ -10,7 +10,7 @@ import pytest
 from rig import Rig, angle_between, hand_at
 from virtualrobot.ground import BadTerrain, read_heights, terrain_file, width
 from virtualrobot.recording import make_robot
-from virtualrobot.robot import Robot, Trouble, limit, map_scale, period, stiffness, twist_between
+from virtualrobot.robot import Changes, Robot, Trouble, limit, map_scale, period, stiffness, twist_between
 from virtualrobot.world import World
 
 
@@ -255,6 +255,24 @@ def test_it_goes_on_where_others_spoil_its_objects(mode):
     assert len([text for text in said if f"'{spoilt}'" in text]) == 1, said
     motions = scene.get_motions(None)
     assert motions[motions["name"] == "tip"]["time"] == time
+
+
+def test_a_failure_is_told_once_until_it_works_again():
+    """A server that hangs for a while. One that is gone ends the program."""
+    changes = Changes(fs.Scene())
+
+    def fail() -> None:
+        raise fs.TimeoutError("it hangs")
+
+    assert not changes.attempt("a", fail) and not changes.attempt("a", fail)
+    assert (changes.tell(), changes.tell()) == ("it hangs", None)
+    assert changes.attempt("a", lambda: None) and not changes.attempt("a", fail) and changes.tell() == "it hangs"
+
+    def end() -> None:
+        raise fs.DisconnectedError("it is gone")
+
+    with pytest.raises(ConnectionError):
+        changes.attempt("a", end)
 
 
 def test_twist_between_leads_there():
