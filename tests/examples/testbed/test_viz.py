@@ -20,7 +20,7 @@ import pytest
 import shapely
 from rig import Rig, eventually, patience, testbed
 from virtualrobot.ground import Ground, width
-from virtualrobot.manipulator import Manipulator
+from virtualrobot.manipulator import Manipulator, raised_rock
 from virtualrobot.robot import joystick_scale, map_scale
 from virtualrobot.world import World
 from viz.__main__ import Controls, loop
@@ -585,7 +585,7 @@ def test_the_hand_and_the_rocks_where_the_arm_has_them(lab, ground, picture):
         assert len(show.rocks) == 10
         for i in world.rocks:
             drawn = picture.plotter.actors[f"rover/{world.model.geom(i).name}"].bounds
-            points, _ = world.rock(i)
+            points = raised_rock(*world.rock(i), robot.arm.radius)  # as it is felt
             assert np.allclose(np.reshape(drawn, (3, 2)), np.stack([points.min(axis=0), points.max(axis=0)], axis=1), atol=2e-3)
         viz.close()
 
