@@ -288,6 +288,11 @@ class Surface : public std::unique_ptr<fs_surface, GiveBack<fs_surface_destroy>>
     throw_on_error(fs_surface_create(&settings, &out));
     return Surface(out);
   }
+  static Surface create_texture(const fs_surface_settings& settings, const double* heights, size_t count) {
+    fs_surface* out = nullptr;
+    throw_on_error(fs_surface_create_texture(&settings, heights, count, &out));
+    return Surface(out);
+  }
   fs_surface_settings get_settings() const {
     fs_surface_settings out = fs_surface_settings_init();
     throw_on_error(fs_surface_get_settings(get(), &out));

@@ -357,7 +357,29 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  *
  * While it falls friction has a negative slope, of (static - dynamic) N / slip_distance. So that this is at most half of the
  * stiffness that the contact has, slip_distance counts as 2 (static - dynamic) times the depth at least, where N is the
- * stiffness times the depth. Solid objects that share a proxy have the mean of their coefficients, by how far each pushes. */
+ * stiffness times the depth. Solid objects that share a proxy have the mean of their coefficients, by how far each pushes.
+ *
+ * Texture. A grid of heights, all at most 0, is carved into the surface, projected along an axis
+ * of the object. Between the heights goes a bicubic spline h (Unser, "Splines",
+ * 1999), which continues as its mirror image at the border; where it would rise above 0 between them, all of it is lowered. The
+ * proxy stays on the surface that is not carved. With n the normal and s = max(0, depth + h) the spring pushes with
+ * stiffness * s * (n - grad h): it is the gradient of stiffness s^2 / 2, so no closed path gains energy, and friction acts about
+ * the turned normal n - grad h. This is exact on planes and along a flat part of a mesh, where grad h is the part along it; h is
+ * taken where the proxy would be without friction. With g the steepest slope of h the force along the normal ends at
+ * limit / ((g + sqrt(g^2 + 4)) / 2), so that the limit holds for the whole. An object with a texture has a proxy of its own.
+ *
+ * With k the stiffness and c the largest curvature of h, 1/m, the force slopes by k along the normal, by k g^2 + limit c along the
+ * surface, and by k g across: fs_report.stiffness_wanted is the larger eigenvalue of that matrix. Where less can be rendered the
+ * heights are made smaller, all in the same proportion, and the stiffness keeps at least 0.8 of what it would have without a
+ * texture. This is done where the bounds are worked out, never by speed, and fs_report.texture_applied tells it. */
+
+/* The axis of the object along which a grid of heights is projected. */
+typedef enum fs_axis {
+  FS_AXIS_Z = 0,                /* columns along x, rows along y */
+  FS_AXIS_X = 1,                /* columns along y, rows along z */
+  FS_AXIS_Y = 2,                /* columns along z, rows along x */
+  FS_AXIS_FORCE_32 = 0x7fffffff
+} fs_axis;
 
 /* Growing; made by fs_surface_settings_init. */
 typedef struct fs_surface_settings {
@@ -366,14 +388,29 @@ typedef struct fs_surface_settings {
   double static_friction;       /* Coulomb coefficient, 0..2. Above 0: contact.friction must be 0. 0: that counts */
   double dynamic_friction;      /* static_friction / 10..static_friction */
   double slip_distance;         /* m, 0..1e9 */
+  uint32_t columns, rows;       /* of the grid of heights; 0: there is no texture, and what follows is 0, too */
+  fs_axis axis;                 /* along which the grid is projected */
+  bool repeats;                 /* the grid is repeated without end; false: it ends with a slope of 0 */
+  uint8_t reserved_8[3];        /* 0 */
+  double column_width, row_width;    /* m, from one height to the next, 1e-6..1e3 */
+  double first_column, first_row;    /* m, the place of the first height, -1e9..1e9 */
 } fs_surface_settings;
 FS_DEFINE_INIT(fs_surface_settings)
 
 /* A surface of these settings. INVALID, VERSION. */
 FS_API fs_status fs_surface_create(const fs_surface_settings *settings, fs_surface **out);
 
+/* A surface with a texture. heights: m, -1..0, the first row first, settings.columns in each; count: columns * rows, at most
+ * 2^20. They are copied. INVALID, VERSION. */
+FS_API fs_status fs_surface_create_texture(const fs_surface_settings *settings, const double *heights, size_t count,
+                                           fs_surface **out);
+
 /* Fills out, which fs_surface_settings_init made, with the settings of a surface. VERSION. */
 FS_API fs_status fs_surface_get_settings(const fs_surface *surface, fs_surface_settings *out);
+
+/* The heights, as given, and how many they are; they live as long as the surface. Without a texture: null, 0. With a null
+ * argument it returns null and sets fs_last_error. */
+FS_API const double *fs_surface_get_heights(const fs_surface *surface, size_t *count);
 
 /* One more reference; returns surface; null gives null. */
 FS_API fs_surface *fs_surface_retain(fs_surface *surface);

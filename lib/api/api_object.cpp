@@ -240,6 +240,27 @@ fs_status fs_surface_create(const fs_surface_settings* settings, fs_surface** ou
   });
 }
 
+fs_status fs_surface_create_texture(const fs_surface_settings* settings, const double* heights, size_t count, fs_surface** out) {
+  return guarded([&] {
+    require_pointer(settings, "settings");
+    require_pointer(heights, "heights");
+    require_pointer(out, "out");
+    if (count == 0) fail(FS_ERROR_INVALID, "count is 0, must be columns * rows");
+    give(make_surface(read_grown(settings), {heights, count}), out);
+  });
+}
+
+const double* fs_surface_get_heights(const fs_surface* surface, size_t* count) {
+  if (count) *count = 0;
+  if (!surface || !count) {
+    null_argument(!surface ? "surface is null" : "count is null");
+    return nullptr;
+  }
+  if (!surface->texture) return nullptr;
+  *count = surface->texture->heights().size();
+  return surface->texture->heights().data();
+}
+
 fs_status fs_surface_get_settings(const fs_surface* surface, fs_surface_settings* out) {
   return guarded([&] {
     require_pointer(surface, "surface");

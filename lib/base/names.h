@@ -19,6 +19,7 @@ constexpr const char* profile_kind_names[] = {
     "FS_PROFILE_GAUSSIAN", "FS_PROFILE_QUADRATIC", "FS_PROFILE_INVERSE",           "FS_PROFILE_CUSTOM"};
 constexpr const char* sense_names[] = {"FS_SENSE_ATTRACTIVE", "FS_SENSE_REPULSIVE"};
 constexpr const char* keep_names[] = {"FS_KEEP_NONE", "FS_KEEP_FRONT", "FS_KEEP_BACK", "FS_KEEP_EITHER"};
+constexpr const char* axis_names[] = {"FS_AXIS_Z", "FS_AXIS_X", "FS_AXIS_Y"};
 constexpr const char* object_state_names[] = {"FS_OBJECT_PENDING", "FS_OBJECT_FELT", "FS_OBJECT_FADING", "FS_OBJECT_DISABLED",
                                               "FS_OBJECT_REFUSED"};
 constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",     "FS_EVENT_READY",   "FS_EVENT_REFUSED", "FS_EVENT_CAPPED",

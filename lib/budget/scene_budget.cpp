@@ -28,7 +28,7 @@ SceneBudget::SceneBudget(Ref<LocalScene> scene, const ServoReader& reader)
 
 // What is bounded, and changes by more than a tenth, is told of each object: the first time at once, then after 1 s, 2 s, 4 s,
 // up to 32 s. One of which there was nothing to tell for a minute begins anew.
-void SceneBudget::note_slope(const Object& object, double slope, double to_device) {
+void SceneBudget::note_slope(const Object& object, double slope, double texture_part, double to_device) {
   const bool takes_what_it_gets = object.is_solid() && object.contact.stiffness == 0;
   const bool is_bounded = slope < object.steepest_slope && !takes_what_it_gets;
   const double now = to_device * slope, wanted = to_device * object.steepest_slope;
@@ -36,12 +36,14 @@ void SceneBudget::note_slope(const Object& object, double slope, double to_devic
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
     told =
-        told_.emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets})
+        told_.emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets,
+                                                  texture_part})
             .first;
   }
   told->second.now = now;
   told->second.wanted = wanted;
   told->second.takes_what_it_gets = takes_what_it_gets;
+  told->second.texture_part = texture_part;
   has_untold_ |= !is_told(told->second.slope, now);
 }
 
@@ -82,6 +84,11 @@ void SceneBudget::tell(double time) {
     } else {
       size = std::snprintf(event.text, sizeof event.text, "its force jumps: its slope is bounded to %.4g N/m at the device",
                            told.now);
+    }
+    if (told.texture_part < 1) {
+      const size_t at = static_cast<size_t>(size);
+      size += std::snprintf(event.text + at, sizeof event.text - at, ", with %.0f %% of its texture's heights",
+                            100 * told.texture_part);
     }
     constexpr std::string_view joint = "; it shares with ";
     const size_t room = sizeof event.text - 1 - static_cast<size_t>(size) - joint.size();
@@ -249,7 +256,9 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, pace);
       has_changed |= bound.has_changed;
       is_rising_ |= bound.is_rising;
-      if (bound.object && !bound.is_rising && limit.to_device > 0) note_slope(*bound.object, bound.slope, limit.to_device);
+      if (bound.object && !bound.is_rising && limit.to_device > 0) {
+        note_slope(*bound.object, bound.slope, bound.texture_part, limit.to_device);
+      }
       SharedWith with = one.shared_with;
       const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;
       const bool is_less = takes_what_it_gets || (bound.object && bound.slope < bound.object->steepest_slope);

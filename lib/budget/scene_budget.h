@@ -41,7 +41,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   bool is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const;
   void enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace);
   void note_wanted(double wanted) noexcept;
-  void note_slope(const Object& object, double slope, double to_device);
+  void note_slope(const Object& object, double slope, double texture_part, double to_device);
   void tell(double time);
 
   const Ref<LocalScene> scene_;
@@ -83,6 +83,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     double wait;          // s, until another may follow
     double wanted;        // N/m
     bool takes_what_it_gets;
+    double texture_part;  // of the heights of its texture
   };
   NameMap<Announcement> told_;
   size_t most_told_ = 1024;  // when there are more, those of objects that are gone are forgotten

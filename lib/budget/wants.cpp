@@ -85,7 +85,8 @@ std::vector<SlopeWant> anywhere(std::vector<SlopeWant> wants) {
 Reach contact_reach(const ObjectWant& want, double stiffness) {
   const Object& object = *want.object;
   if (!object.is_solid()) return {-1, -1};
-  const double depth = object.contact.limit * want.points / stiffness;
+  double depth = object.contact.limit * want.points / stiffness;
+  if (const Texture* const texture = object.texture()) depth = depth / least_stiffness_part + texture->deepest();
   const fs_keep keep = object.contact.keep;
   return {keep == FS_KEEP_FRONT ? 0 : depth, keep == FS_KEEP_BACK ? 0 : depth};
 }
@@ -159,7 +160,7 @@ std::vector<ObjectWant> object_wants(const Snapshot& snapshot, const SceneLimit&
     }
     want.law = std::min(law, limit.whole);
     if (object.is_solid()) {
-      const double each = object.contact.stiffness > 0 ? object.contact.stiffness : never;
+      const double each = object.contact.stiffness > 0 ? object.contact_slope : never;
       want.contact = std::min(want.points * each, limit.whole);
       want.damping = want.points * object.contact.damping;
     }

@@ -73,14 +73,41 @@ void check_surface(const fs_object& in) {
   }
 }
 
+// N/m, the slope that a texture of this steepness and curvature, 1/m, has along the surface.
+double slope_along(const Object& object, double stiffness, double steepest, double curved) {
+  return stiffness * steepest * steepest + object.contact.limit * curved;
+}
+
+// N/m, of a contact of this stiffness with this part of the texture's heights: see object.h, Surfaces.
+double contact_slope(const Object& object, double stiffness, double part) {
+  const Texture* const texture = object.texture();
+  if (!texture) return stiffness;
+  const double steepest = part * texture->steepest();
+  const double along = slope_along(object, stiffness, steepest, part * texture->most_curved());
+  return 0.5 * (stiffness + along + std::hypot(stiffness - along, 2 * stiffness * steepest));
+}
+
+// Gives the contact a stiffness and its texture a part of its heights, so that its slope is at most `most`, N/m.
+void bound_contact(Object& object, double most) {
+  double& stiffness = object.contact.stiffness;
+  stiffness = stiffness > 0 ? std::fmin(stiffness, most) : most;
+  const Texture* const texture = object.texture();
+  if (!texture || contact_slope(object, stiffness, 1) <= most) return;
+  // contact_slope() = most is linear in the stiffness, and quadratic in the part.
+  const double square = texture->steepest() * texture->steepest(), linear = object.contact.limit * texture->most_curved();
+  const double fits_whole = most > linear ? most * (most - linear) / (most * (1 + square) - linear) : 0;
+  stiffness = std::fmin(stiffness, std::fmax(least_stiffness_part * most, fits_whole));
+  const double left = most - stiffness, b = linear * left, c = most * left;
+  object.texture_part = std::fmin(1, 2 * c / (b + std::sqrt(b * b + 4 * stiffness * square * most * c)));
+}
+
 // The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
   // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
   // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
   if (is_bent && is_ever_felt(object.law.front)) return std::numeric_limits<double>::infinity();
-  const double contact = object.is_solid() ? stiffness_of(object.contact) : 0;
-  return std::fmax(contact, object.law_slope);
+  return std::fmax(object.contact_slope, object.law_slope);
 }
 
 double enough_slope_of(const Law& law) {
@@ -150,9 +177,10 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   }
   object.law.has_edges = in.primitive == FS_PRIMITIVE_MESH;
   object.law.support = std::fmax(support(object.law.front), support(object.law.back));
+  if (object.is_solid()) object.contact_slope = contact_slope(object, stiffness_of(object.contact), 1);
   const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
                               like->law.front == object.law.front && like->law.back == object.law.back &&
-                              like->contact.keep == object.contact.keep && like->contact.stiffness == object.contact.stiffness;
+                              like->contact.keep == object.contact.keep && like->contact_slope == object.contact_slope;
   object.law_slope = has_same_force ? like->law_slope : slope_of(object.law);
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);
   if (object.jumps()) object.enough_slope = enough_slope_of(object.law);
@@ -277,19 +305,19 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
   const bool is_law_bounded = bounds.slope < object.law_slope || (bounds.slope < no_bound && object.jumps());
   const bool is_contact_bounded =
-      is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) && bounds.stiffness < no_bound;
+      is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact_slope) && bounds.stiffness < no_bound;
   const bool is_damping_bounded =
       bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);
   if (!is_law_bounded && !is_contact_bounded && !is_damping_bounded) return nullptr;
   const Ref<Object> out = make_ref<Object>(object);
   if (is_law_bounded) out->law = capped(object.law, bounds.slope);
-  if (is_contact_bounded) out->contact.stiffness = bounds.stiffness;
+  if (is_contact_bounded) bound_contact(*out, bounds.stiffness);
   out->damping = std::fmin(object.damping, bounds.damping);
   out->contact.damping = std::fmin(object.contact.damping, bounds.contact_damping);
   out->bounds = bounds;
   out->law_slope = std::fmin(object.law_slope, bounds.slope);
-  const double contact = is_solid ? stiffness_of(out->contact) : 0;
-  out->steepest_slope = std::fmax(contact, is_law_bounded ? bounds.slope : object.law_slope);
+  if (is_solid) out->contact_slope = contact_slope(*out, stiffness_of(out->contact), out->texture_part);
+  out->steepest_slope = std::fmax(out->contact_slope, is_law_bounded ? bounds.slope : object.law_slope);
   return out;
 }
 

@@ -23,6 +23,9 @@ inline double stiffness_of(const fs_contact& contact) noexcept {
   return contact.stiffness > 0 ? contact.stiffness : unasked;
 }
 
+// Of what a contact may have, its texture leaves it this part.
+inline constexpr double least_stiffness_part = 0.8;
+
 inline constexpr double no_bound = std::numeric_limits<double>::infinity();
 
 // What a servo lets an object have.
@@ -51,12 +54,17 @@ struct Object : Counted<Object> {
   double steepest_slope = 0;   // N/m, of law, contact and shape together; infinite where the force jumps
   double enough_slope = no_bound;  // N/m: with this slope a jump is spread over 0.1 mm, and more is never asked for
   Bounds bounds;               // within which it was put: see bounded()
+  double texture_part = 1;     // of the heights of its texture that is felt
+  double contact_slope = 0;    // N/m, of its contact with the texture on one point of a tool
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
   Friction friction() const noexcept {
     if (!surface || !(surface->settings.static_friction > 0)) return {contact.friction, 0, 0};
     const fs_surface_settings& own = surface->settings;
     return {own.static_friction, own.static_friction - own.dynamic_friction, own.slip_distance};
   }
+  const Texture* texture() const noexcept { return surface && surface->texture ? &*surface->texture : nullptr; }
+  // How steep the texture is at most, as it is felt.
+  double texture_slope() const noexcept { return texture() ? texture_part * texture()->steepest() : 0; }
   // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
   bool has_ridges() const noexcept {
     const bool has_parts = primitive == FS_PRIMITIVE_MESH || (primitive == FS_PRIMITIVE_POLYLINE && !shape->is_straight);
@@ -90,7 +98,7 @@ struct Object : Counted<Object> {
     const fs_contact &a = contact, &b = other.contact;
     return law.front == other.law.front && law.back == other.law.back && damping == other.damping && a.keep == b.keep &&
            a.stiffness == b.stiffness && a.limit == b.limit && a.damping == b.damping && a.friction == b.friction &&
-           surface == other.surface;
+           surface == other.surface && texture_part == other.texture_part;
   }
 };
 

@@ -18,8 +18,8 @@ Mat3 held_by(const Planes& planes) noexcept {
 }
 
 // Springs that act as one have to be the same.
-bool can_share(const fs_contact& a, const fs_contact& b) noexcept {
-  return stiffness_of(a) == stiffness_of(b) && a.limit == b.limit;
+bool can_share(const Object& a, const Object& b) noexcept {
+  return stiffness_of(a.contact) == stiffness_of(b.contact) && a.contact.limit == b.contact.limit && !a.texture() && !b.texture();
 }
 
 bool keeps(const fs_contact& contact, Side side) noexcept {
@@ -158,12 +158,11 @@ bool PointProxies::gather(const Point& point) noexcept {
     take(first, before_[first].left);
     return true;
   }
-  const fs_contact& contact = solids[first].object->contact;
   const Touch* const known = before_[first].touch;
   const auto take_if_it_shares = [&](uint32_t i) {
     const Touch* const before = before_[i].touch;
     const Object& object = *solids[i].object;
-    if (before_[i].is_done || before_[i].left || !can_share(object.contact, contact)) return;
+    if (before_[i].is_done || before_[i].left || (i != first && !can_share(object, *solids[first].object))) return;
     const bool is_apart = i != first && before && !(before->proxy == known->proxy);
     if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.visits))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
@@ -218,18 +217,47 @@ void PointProxies::feel_proxy(const Point& point, Gain& out) noexcept {
   push(point, out);
 }
 
+// The spring of the members' contacts, in metres: its force divided by the stiffness.
+PointProxies::Spring PointProxies::spring(Vec3 hand) const noexcept {
+  const Vec3 pull = proxy_.at - hand;
+  const Object& object = *proxy_.members[0].solid->object;
+  Spring out{pull, pull, norm(pull), object.contact.limit, {}};
+  const double steepest = object.texture_slope();
+  if (!object.texture() || proxy_.plane_count == 0) return out;
+  // The energy is that of sqrt(depth^2 + held^2), within a limit that holds the force on any slope, whatever friction adds.
+  out.press = proxy_.press_at(hand, proxy_.at - proxy_.held);
+  out.way = out.press.depth * out.press.turned() + proxy_.held;
+  out.size = std::sqrt(out.press.depth * out.press.depth + dot(proxy_.held, proxy_.held));
+  out.limit /= 0.5 * (steepest + std::sqrt(steepest * steepest + 4));
+  return out;
+}
+
+// How its force changes with the hand, divided by the stiffness: along the normals it is held, at the limit only its direction
+// changes.
+Mat3 PointProxies::change(const Spring& spring, double part) const noexcept {
+  Mat3 out = proxy_.is_stuck ? identity() : held_by(proxy_);
+  if (const Press& press = spring.press; proxy_.members[0].solid->object->texture()) {
+    const Vec3 turned = press.turned();
+    out = outer(turned, turned) + press.depth * press.curvature;
+    if (!(press.depth > 0)) out = {};
+    if (proxy_.is_stuck) out += identity() + -1.0 * held_by(proxy_);
+  }
+  return part < 1 ? part * (across(spring.way) * out) : out;
+}
+
 // The forces of the members' contacts. All members have the same limit, and the spring's sum stays within it: so it is the
 // gradient of an energy still, which it would not be if each member's part was limited by itself.
 void PointProxies::push(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
   const ToolState::Point& at = point.at();
-  const fs_contact& contact = proxy_.members[0].solid->object->contact;
-  const double k = stiffness_of(contact);
-  const Vec3 pull = proxy_.at - at.position;
-  const double part = part_within(contact.limit, k * norm(pull));
+  const Object& object = *proxy_.members[0].solid->object;
+  const double k = stiffness_of(object.contact);
+  const Spring spring = this->spring(at.position);
+  const double part = part_within(spring.limit, k * spring.size);
   assert(part >= 0 && part <= 1);
   double depth = 0, way = 0;
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.pushes[p];
+  const bool is_pushed = !object.texture() || spring.press.depth > 0;  // in a groove it may be in front of the texture
   std::array<Vec3, 3> damping{};  // N, of each plane
   Vec3 all_damping{};
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
@@ -237,10 +265,10 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     const Solid& solid = *proxy_.members[plane.member].solid;
     const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time, tool.blend);
     const double approach = -dot(plane.normal, velocity);
-    if (approach > 0) damping[p] = (solid.object->contact.damping * approach) * plane.normal;
+    if (approach > 0 && is_pushed) damping[p] = (solid.object->contact.damping * approach) * plane.normal;
     all_damping += damping[p];
   }
-  const double damping_part = part_beside(contact.limit, (part * k) * pull, all_damping);
+  const double damping_part = part_beside(object.contact.limit, (part * k) * spring.way, all_damping);
   bool is_held = proxy_.plane_count > 0;
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     const Member& member = proxy_.members[i];
@@ -251,10 +279,11 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
       const Plane& plane = proxy_.planes[p];
       if (plane.member != i) continue;
       is_touching = true;
-      const Vec3 way_out = depth > 0 ? proxy_.pushes[p] * plane.normal + (proxy_.pushes[p] / depth) * proxy_.held
-                                     : (1.0 / proxy_.plane_count) * pull;
-      const Vec3 spring = (part * k) * way_out, damped = damping_part * damping[p];
-      solid.spring = solid.spring + Wrench{spring, cross(at.arm, spring)};
+      Vec3 way_out = depth > 0 ? proxy_.pushes[p] * plane.normal + (proxy_.pushes[p] / depth) * proxy_.held
+                               : (1.0 / proxy_.plane_count) * spring.pull;
+      if (object.texture()) way_out = (1.0 / proxy_.plane_count) * spring.way;
+      const Vec3 pushed = (part * k) * way_out, damped = damping_part * damping[p];
+      solid.spring = solid.spring + Wrench{pushed, cross(at.arm, pushed)};
       solid.damping = solid.damping + Wrench{damped, cross(at.arm, damped)};
     }
     const Touch* const before = member.before;
@@ -270,19 +299,16 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     touch.is_touching = is_touching;
     if (!is_touching) touch.slipped = 0;
     solid.is_touched |= is_touching;
-    if (const double distance = norm(pull); distance < solid.distance) {
+    if (const double distance = norm(spring.pull); distance < solid.distance) {
       solid.distance = distance;
       solid.proxy = proxy_.at;
     }
   }
   const Touches::View* const last = point.tick.last;
-  if (is_held && last) out.spring_change += 2 * k * (way + norm(at.position - last->hand[point.number]));
+  if (is_held && last) out.spring_change += 2 * object.contact_slope * (way + norm(at.position - last->hand[point.number]));
   if (proxy_.plane_count == 0) return;
-  // How the force changes with the hand: along the normals it is held, at the limit only its direction changes.
-  Mat3 held = proxy_.is_stuck ? identity() : held_by(proxy_);
-  if (part < 1) held = part * (across(pull) * held);
-  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * held;
-  out.pull += k * pull;
+  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * change(spring, part);
+  out.pull += k * spring.pull;
   out.stiffness += k;
 }
 

@@ -63,6 +63,15 @@ class PointProxies {
   bool begin_touch(const Point& point, Member& member) noexcept;
   bool gather(const Point& point) noexcept;
   void feel_proxy(const Point& point, Gain& out) noexcept;
+  struct Spring {
+    Vec3 pull;     // m, from the hand to the proxy
+    Vec3 way;      // m, of the force: as pull, but with the texture
+    double size;   // m, whose energy it is the gradient of: stiffness * size^2 / 2
+    double limit;  // N, for stiffness * size
+    Press press;   // of a texture
+  };
+  Spring spring(Vec3 hand) const noexcept;
+  Mat3 change(const Spring& spring, double part) const noexcept;
   void push(const Point& point, Gain& out) noexcept;
   double explained_change(const Point& point, const Member& member) const noexcept;
   void add_profiles(const Point& point, Gain& out) noexcept;

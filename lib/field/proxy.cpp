@@ -173,6 +173,27 @@ bool Proxy::has_friction() const noexcept {
   return false;
 }
 
+Press Proxy::press_at(Vec3 hand, Vec3 place) const noexcept {
+  const Vec3 way = place - hand;
+  Press out;
+  out.depth = norm(way);
+  if (!(out.depth > 0)) return out;
+  out.normal = (1 / out.depth) * way;
+  const Solid& solid = *members[0].solid;
+  const Texture* const texture = solid.object->texture();
+  if (!texture) return out;
+  const double part = solid.object->texture_part;
+  const Texture::Sample sample = texture->at(to_local(solid.pose, place));
+  out.depth = std::max(0.0, out.depth + part * sample.height);
+  out.slope = along(rotate(solid.pose.orientation, part * sample.slope));
+  Mat3 flat = identity();  // projects on the surface
+  Vec3 basis[3];
+  const uint32_t size = span(basis);
+  for (uint32_t i = 0; i < size; ++i) flat += -1.0 * outer(basis[i], basis[i]);
+  out.curvature = flat * rotated(solid.pose.orientation, part * sample.curvature) * flat;
+  return out;
+}
+
 // A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes. That of a surface
 // falls while the proxy slips: see fs_surface_settings.
 double Proxy::friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept {
@@ -184,7 +205,8 @@ double Proxy::friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept {
   double depth = 0;
   for (uint32_t p = 0; p < plane_count; ++p) depth += pushes[p];
   if (!(depth > 0)) return 0;
-  const double normal = norm(goal - hand);
+  const Press press = press_at(hand, goal);
+  const double normal = press.depth * norm(press.turned());
   for (uint32_t p = 0; p < plane_count; ++p) {
     const Member& member = members[planes[p].member];
     parts[p] = {member.solid->object->friction(), pushes[p] / depth, member.touch->slipped};

@@ -91,7 +91,17 @@ struct Planes {
 
 inline constexpr uint32_t most_solids = 256;  // near a tool
 
-// The proxy of a point for solids of the same stiffness and limit that the point feels.
+// How the surface is pushed.
+struct Press {
+  Vec3 normal{};          // of the surface without its texture; 0: it is not pushed
+  double depth = 0;       // m, of the hand below the texture, along the normal
+  Vec3 slope{};           // m/m, of the texture's height along the surface,
+  Mat3 curvature{};       // and its curvature, 1/m
+
+  Vec3 turned() const noexcept { return normal - slope; }  // the normal of the texture, longer than 1
+};
+
+// The proxy of a point for solids of the same stiffness and limit that the point feels. One with a texture is alone.
 struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;
@@ -108,6 +118,8 @@ struct Proxy : Planes {
   // [rt] Whether no member is in the way to a place. except: a member that is not asked; count: none.
   bool is_free_to(Vec3 place, uint32_t except) const noexcept;
   bool is_free_to(Vec3 place) const noexcept { return is_free_to(place, count); }
+  // [rt] Where the surface alone has the proxy at `place` against the hand.
+  Press press_at(Vec3 hand, Vec3 place) const noexcept;
 
  private:
   bool find_hit(Vec3 to, Plane& out, Vec3& place, double& part) const noexcept;

@@ -281,8 +281,34 @@ class SceneReader {
     fields.read("static_friction", settings.static_friction);
     fields.read("dynamic_friction", settings.dynamic_friction);
     fields.read("slip_distance", settings.slip_distance);
+    std::vector<double> heights;
+    if (const Json* texture = fields.find("texture")) read_texture(*texture, fields.where(), settings, heights);
     fields.finish();
-    return make_surface(settings);
+    return make_surface(settings, heights);
+  }
+
+  static void read_texture(const Json& value, const std::string& where, fs_surface_settings& out, std::vector<double>& heights) {
+    Fields fields(value, where + ", texture", "texture");
+    fields.read("axis", axis_words, out.axis);
+    fields.read("repeats", out.repeats);
+    fields.read("column_width", out.column_width);
+    fields.read("row_width", out.row_width);
+    fields.read("first_column", out.first_column);
+    fields.read("first_row", out.first_row);
+    const Json& rows = fields.need("heights");
+    const char* const wanted = "a list of rows of equal length, [[...], ...]";
+    const auto list_of = [&](const Json& of) -> const Json::List& {
+      if (!of.list() || of.list()->empty()) fail_value(of, fields.where(), "heights", wanted);
+      return *of.list();
+    };
+    const size_t columns = list_of(list_of(rows).front()).size();
+    for (const Json& row : *rows.list()) {
+      if (list_of(row).size() != columns) fail_value(row, fields.where(), "heights", wanted);
+      for (size_t i = 0; i < columns; ++i) heights.push_back(parse_entry(*row.list(), i, fields.where(), "heights"));
+    }
+    out.columns = static_cast<uint32_t>(std::min<size_t>(columns, UINT32_MAX));
+    out.rows = static_cast<uint32_t>(std::min<size_t>(rows.list()->size(), UINT32_MAX));
+    fields.finish();
   }
 
   void read_objects(const Json& value) {

@@ -28,6 +28,7 @@ constexpr auto primitive_words = words_of(primitive_names);
 constexpr auto kind_words = words_of(profile_kind_names);
 constexpr auto sense_words = words_of(sense_names);
 constexpr auto keep_words = words_of(keep_names);
+constexpr auto axis_words = words_of(axis_names);
 
 constexpr int scene_version = 1;
 

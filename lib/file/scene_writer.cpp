@@ -98,11 +98,30 @@ Json::Object to_json(const Curve& curve) {
   return out;
 }
 
+Json::Object to_json(const Texture& texture, const fs_surface_settings& of) {
+  Json::Object out;
+  if (of.axis != FS_AXIS_Z) add(out, "axis", Json(word_of(axis_words, of.axis, "axis")));
+  if (of.repeats) add(out, "repeats", Json(true));
+  put(out, "column_width", of.column_width);
+  put(out, "row_width", of.row_width);
+  put(out, "first_column", of.first_column);
+  put(out, "first_row", of.first_row);
+  Json::List rows;
+  for (auto row = texture.heights().begin(); row != texture.heights().end(); row += of.columns) {
+    Json::List line;
+    for (auto height = row; height != row + of.columns; ++height) line.push_back(to_json(*height));
+    rows.push_back(std::move(line));
+  }
+  add(out, "heights", std::move(rows));
+  return out;
+}
+
 Json::Object to_json(const Surface& surface) {
   Json::Object out;
   put(out, "static_friction", surface.settings.static_friction);
   put(out, "dynamic_friction", surface.settings.dynamic_friction);
   put(out, "slip_distance", surface.settings.slip_distance);
+  if (surface.texture) add(out, "texture", to_json(*surface.texture, surface.settings));
   return out;
 }
 

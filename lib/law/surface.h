@@ -3,17 +3,20 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 #include <forceserver/object.h>
 
 #include "base/counted.h"
 #include "base/serial.h"
+#include "law/texture.h"
 
 struct fs_surface : fs::Counted<fs_surface> {
-  explicit fs_surface(const fs_surface_settings& of) : settings(of) {}
+  fs_surface(const fs_surface_settings& of, std::optional<fs::Texture> its) : settings(of), texture(std::move(its)) {}
 
   const uint64_t serial = fs::next_serial();
   const fs_surface_settings settings;
+  const std::optional<fs::Texture> texture;
 
   // Keeps `what` alive as long as the surface. Called before any other thread has the surface.
   void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
@@ -26,8 +29,8 @@ namespace fs {
 
 using Surface = fs_surface;
 
-// Throws INVALID.
-Ref<const Surface> make_surface(const fs_surface_settings& settings);
+// Throws INVALID. heights: of its texture; empty: it has none.
+Ref<const Surface> make_surface(const fs_surface_settings& settings, std::span<const double> heights = {});
 
 // The Coulomb coefficient: `still` where the proxy sticks; less by `drop` once it has slipped for `distance`.
 struct Friction {

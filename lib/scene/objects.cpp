@@ -229,7 +229,8 @@ bool Objects::move(Named* named, double now, F&& take) {
 
 Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds, const Pace& pace) {
   if (rows.is_bound(row, object, bounds, pace.least)) {  // the usual case, for which no name need be found
-    return {false, &object, rows.row(row).as_felt(true).steepest_slope};
+    const Object& felt = rows.row(row).as_felt(true);
+    return {false, &object, felt.steepest_slope, felt.texture_part};
   }
   const auto found = names_.find(object.name);
   if (found == names_.end() || found->second.is_removed) return {};
@@ -245,7 +246,8 @@ Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& 
   }
   if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
   const Row& now = rows.row(item.row);
-  return {&now.as_felt(true) != before, now.object.get(), now.as_felt(true).steepest_slope, is_rising};
+  const Object& felt = now.as_felt(true);
+  return {&felt != before, now.object.get(), felt.steepest_slope, felt.texture_part, is_rising};
 }
 
 bool Objects::tidy() {

@@ -82,6 +82,7 @@ class Objects {
     bool has_changed = false;
     const Object* object = nullptr;  // as it is now; null: there is none
     double slope = 0;                // N/m, the steepest, as it is felt
+    double texture_part = 1;         // of the heights of its texture, as it is felt
     bool is_rising = false;          // more is due to it
   };
   Bound bound(uint32_t row, const Object& object, const Bounds& bounds, const Pace& pace);

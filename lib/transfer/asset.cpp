@@ -10,17 +10,18 @@
 
 namespace fs {
 
-static Ref<const Surface> unpack_surface(const wire::Surface& record) {
+static Ref<const Surface> unpack_surface(const wire::Surface& record, std::span<const double> heights) {
   uint32_t size;
   std::memcpy(&size, record.settings, sizeof size);
   if (size > sizeof record.settings) fail(FS_ERROR_INVALID, "the settings of the surface are %u bytes long: too many", size);
   alignas(fs_surface_settings) std::byte given[sizeof record.settings];
   std::memcpy(given, record.settings, sizeof given);
-  return make_surface(read_grown(reinterpret_cast<const fs_surface_settings*>(given)));
+  return make_surface(read_grown(reinterpret_cast<const fs_surface_settings*>(given)), heights);
 }
 
 uint64_t Asset::bytes() const noexcept {
   if (shape) return shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t);
+  if (surface) return surface->texture ? surface->texture->heights().size() * sizeof(double) : 0;
   return curve && curve->table() ? curve->table()->size() * sizeof(double) : 0;
 }
 
@@ -42,12 +43,13 @@ std::span<const std::byte> PackedAsset::record() const noexcept {
 }
 
 uint64_t PackedAsset::content_bytes() const {
-  if (type == wire::type_surface) return 0;
-  if (type == wire::type_curve) {
-    if (curve.count > uint64_t{1} << 40) {
-      fail(FS_ERROR_INVALID, "the table has %llu entries: too many", static_cast<unsigned long long>(curve.count));
+  if (type != wire::type_shape) {
+    const uint64_t count = type == wire::type_curve ? curve.count : surface.count;
+    if (count > uint64_t{1} << 40) {
+      fail(FS_ERROR_INVALID, "the %s %llu entries: too many", type == wire::type_curve ? "table has" : "heights have",
+           static_cast<unsigned long long>(count));
     }
-    return curve.count * sizeof(double);
+    return count * sizeof(double);
   }
   const bool is_mesh = shape.primitive == FS_PRIMITIVE_MESH;
   if (!is_mesh && shape.primitive != FS_PRIMITIVE_POLYLINE) {
@@ -73,6 +75,10 @@ PackedAsset pack(const Asset& asset) {
   if (asset.surface) {
     out.surface.id = asset.surface->serial;
     std::memcpy(out.surface.settings, &asset.surface->settings, sizeof asset.surface->settings);
+    if (const auto& texture = asset.surface->texture) {
+      out.content = make_blob({bytes_of(texture->heights().data(), texture->heights().size())});
+      out.surface.count = texture->heights().size();
+    }
     return out;
   }
   out.curve.id = asset.curve->serial;
@@ -87,14 +93,18 @@ PackedAsset pack(const Asset& asset) {
 }
 
 Asset unpack(PackedAsset&& packed, StopToken& stop) {
-  if (packed.type == wire::type_surface) return {nullptr, nullptr, unpack_surface(packed.surface)};
-  if (!packed.has_content()) return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str()), nullptr};
+  const bool is_surface = packed.type == wire::type_surface;
+  if (!packed.has_content()) {
+    if (is_surface) return {nullptr, nullptr, unpack_surface(packed.surface, {})};
+    return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str()), nullptr};
+  }
   check_blob(packed.content, packed.content_bytes());
-  if (packed.type == wire::type_curve) {
-    std::vector<double> table(packed.curve.count);
-    read_blob(packed.content, 0, std::as_writable_bytes(std::span(table)));
+  if (packed.type != wire::type_shape) {
+    std::vector<double> numbers(packed.content_bytes() / sizeof(double));
+    read_blob(packed.content, 0, std::as_writable_bytes(std::span(numbers)));
     packed.content.reset();
-    return {nullptr, make_table_curve(table.data(), table.size(), packed.curve.step), nullptr};
+    if (is_surface) return {nullptr, nullptr, unpack_surface(packed.surface, numbers)};
+    return {nullptr, make_table_curve(numbers.data(), numbers.size(), packed.curve.step), nullptr};
   }
   const wire::Shape& record = packed.shape;
   std::vector<Vec3> points(record.point_count);

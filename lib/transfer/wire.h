@@ -205,6 +205,7 @@ struct Curve {
 struct Surface {
   uint64_t id;
   std::byte settings[256];       // fs_surface_settings, as far as its sender knows it; the rest is 0
+  uint64_t count;                // of the heights of its texture; 0: none
 };
 
 struct Forget {  // a shape, curve or surface that no object of the client uses any more
@@ -270,7 +271,7 @@ static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
 static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
-static_assert(sizeof(Surface) == 264 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
+static_assert(sizeof(Surface) == 272 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
 static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1016);
