@@ -34,7 +34,7 @@ UNITS = {
     },
     "fs_frame": {"": "scale force_scale"},
     "fs_view": {"": "points"},
-    "fs_report": {"N/m": "stiffness_wanted stiffness_applied", "m": "distance", "": "weight point texture_applied"},
+    "fs_report": {"N/m": "stiffness_wanted stiffness_applied", "m": "distance", "": "weight point texture_lost"},
     "fs_motion": {"s": "time horizon"},
     "fs_event": {"s": "time", "": "value"},
     "fs_state": {"s": "time", "": "grip"},

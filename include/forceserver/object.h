@@ -371,7 +371,7 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  * With k the stiffness and c the largest curvature of h, 1/m, the force slopes by k along the normal, by k g^2 + limit c along the
  * surface, and by k g across: fs_report.stiffness_wanted is the larger eigenvalue of that matrix. Where less can be rendered the
  * heights are made smaller, all in the same proportion, and the stiffness keeps at least 0.8 of what it would have without a
- * texture. This is done where the bounds are worked out, never by speed, and fs_report.texture_applied tells it. */
+ * texture. This is done where the bounds are worked out, never by speed, and fs_report.texture_lost tells it. */
 
 /* The axis of the object along which a grid of heights is projected. */
 typedef enum fs_axis {

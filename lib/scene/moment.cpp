@@ -129,13 +129,12 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
   const double slope_scale = frame_.scale * frame_.force_scale;
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
-  out.texture_applied = 1;
   if (is_evaluated && memory_ && slope_scale > 0) {
     const Object& felt = row(number).as_felt(true);
     if (object.is_solid() && object.contact.stiffness == 0) {  // it wants what it gets
       out.stiffness_wanted = slope_scale * std::fmax(object.law_slope, felt.contact_slope);
     }
-    out.texture_applied = felt.texture_part;
+    out.texture_lost = 1 - felt.texture_part;
     out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * felt.steepest_slope);
   }
   if (sharing_ && slope_scale > 0) {

@@ -130,7 +130,7 @@ FIELD(fs_report, distance, 168, 8);
 FIELD(fs_report, point, 176, 24);
 FIELD(fs_report, wrench, 200, 48);
 FIELD(fs_report, shares_with, 248, 136);
-FIELD(fs_report, texture_applied, 384, 8);
+FIELD(fs_report, texture_lost, 384, 8);
 STRUCT(fs_motion, 304);
 FIELD(fs_motion, name, 0, 128);
 FIELD(fs_motion, primitive, 128, 4);

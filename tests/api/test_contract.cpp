@@ -61,7 +61,8 @@ struct World {
   std::vector<double> doubles{1, 2, 3};
   double number = 0;
   size_t count = 0;
-  fs_surface_settings settings = fs_surface_settings_init();
+  fs_surface_settings settings = fs_surface_settings_init(), rough = settings;
+  std::vector<double> heights{0, -1e-3, 0};
   fs_surface* surface = nullptr;
   ~World() { fs_surface_destroy(surface); }
   const Folder folder;
@@ -71,6 +72,9 @@ struct World {
     curve_owner = make_table(doubles.data(), 3, 0.1);
     curve = curve_owner.get();
     require(fs_surface_create(&settings, &surface), "fs_surface_create");
+    rough.columns = 3;
+    rough.rows = 1;
+    rough.column_width = 1e-3;
     require(fs_object_set(scene, &object), "fs_object_set");
     require(fs_servo_step(servo, 5), "fs_servo_step");
     fs_server* server = nullptr;
@@ -174,6 +178,10 @@ static const std::vector<Call> calls{
     {"fs_surface_create", 2, FS_OK, [](World& w, int n) {
        fs_surface** out = but(n, 1, &new_surface);
        return made(out, fs_surface_create(but(n, 0, &w.settings), out));
+     }},
+    {"fs_surface_create_texture", 3, FS_OK, [](World& w, int n) {
+       fs_surface** out = but(n, 2, &new_surface);
+       return made(out, fs_surface_create_texture(but(n, 0, &w.rough), but(n, 1, w.heights.data()), 3, out));
      }},
     {"fs_surface_get_settings", 2, FS_OK, [](World& w, int n) {
        return fs_surface_get_settings(but(n, 0, w.surface), but(n, 1, &w.settings));
@@ -369,7 +377,8 @@ END_TEST
 static const char* const others[]{
     "fs_version", "fs_status_name", "fs_last_error", "fs_object_release", "fs_shape_retain", "fs_shape_destroy",
     "fs_shape_get_points", "fs_shape_get_triangles", "fs_curve_get_expression", "fs_curve_get_table", "fs_curve_retain",
-    "fs_curve_destroy", "fs_surface_retain", "fs_surface_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
+    "fs_curve_destroy", "fs_surface_get_heights",
+    "fs_surface_retain", "fs_surface_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
     "fs_fail", "fs_primitive_name", "fs_profile_kind_name", "fs_sense_name", "fs_object_state_name",
     "fs_event_kind_name", "fs_realtime_name", "fs_fault_name", "fs_state_reason"};
 
@@ -400,6 +409,10 @@ START_TEST(the_others) {
   count = 7;
   ck_assert_ptr_null(fs_curve_get_table(nullptr, &count, &step));
   ck_assert_uint_eq(count, 0);
+  count = 7;
+  ck_assert_ptr_null(fs_surface_get_heights(nullptr, &count));
+  ck_assert_uint_eq(count, 0);
+  ck_assert_ptr_null(fs_surface_get_heights(w.surface, nullptr));
   fs_curve_get_table(w.curve, nullptr, &step);
   fs_curve_get_table(w.curve, &count, nullptr);
   fs_curve_get_table(w.curve, nullptr, nullptr);

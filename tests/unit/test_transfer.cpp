@@ -138,6 +138,42 @@ static Ref<const Surface> sticky() {
   return make_surface(settings);
 }
 
+static Ref<const Surface> rough() {
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.columns = 2;
+  settings.rows = 3;
+  settings.column_width = settings.row_width = 1e-3;
+  const double heights[] = {0, -1e-3, -2e-3, 0, -1e-4, 0};
+  return make_surface(settings, heights);
+}
+
+// What a hostile end may send.
+START_TEST(textures_that_are_refused) {
+  const PackedAsset good = pack({nullptr, nullptr, rough()});
+  const auto refused = [&](auto&& spoil, std::vector<double> heights) {
+    PackedAsset bad = PackedAsset::of(good.type, good.record(), make_blob({bytes_of(heights.data(), heights.size())}));
+    spoil(bad.surface);
+    StopToken stop;
+    try {
+      unpack(std::move(bad), stop);
+      ck_abort_msg("it is taken");
+    } catch (const Error& error) {
+      ck_assert_msg(error.status == FS_ERROR_INVALID || error.status == FS_ERROR_IO, "%s", error.text.c_str());
+    }
+  };
+  const auto as_it_is = [](wire::Surface&) {};
+  const std::vector<double> six(6, -1e-3);
+  refused(as_it_is, {});
+  refused(as_it_is, {-1e-3, -1e-3});
+  refused(as_it_is, {0, 0, 0, 0, 0, NAN});
+  refused(as_it_is, {0, 0, 0, 0, 0, 1e-3});
+  refused([](wire::Surface& s) { s.count = 0; }, six);  // the settings have columns and rows
+  for (const uint64_t count : {uint64_t{5}, uint64_t{7}, uint64_t{1} << 40, uint64_t{1} << 61, ~uint64_t{0}}) {
+    refused([count](wire::Surface& s) { s.count = count; }, six);
+  }
+}
+END_TEST
+
 // What a hostile end may send.
 START_TEST(surfaces_that_are_refused) {
   const PackedAsset good = pack({nullptr, nullptr, sticky()});
@@ -178,7 +214,8 @@ START_TEST(assets_come_back_as_they_were) {
   std::vector<Asset> assets = {{make_polyline(points, 4, true), nullptr, nullptr},
                                {make_mesh(points, 4, triangles, 2), nullptr, nullptr},
                                {nullptr, make_table_curve(forces, 3, 0.01), nullptr},
-                               {nullptr, nullptr, sticky()}};
+                               {nullptr, nullptr, sticky()},
+                               {nullptr, nullptr, rough()}};
   for (const Asset& asset : assets) {
     PackedAsset packed = pack(asset);
     ck_assert_uint_eq(packed.id(), asset.serial());
@@ -194,6 +231,8 @@ START_TEST(assets_come_back_as_they_were) {
       ck_assert_int_eq(back.shape->closed, asset.shape->closed);
     } else if (asset.surface) {
       ck_assert_mem_eq(&back.surface->settings, &asset.surface->settings, sizeof(fs_surface_settings));
+      ck_assert(!back.surface->texture == !asset.surface->texture);
+      ck_assert(!back.surface->texture || back.surface->texture->heights() == asset.surface->texture->heights());
     } else {
       ck_assert(*back.curve->table() == *asset.curve->table());
       ck_assert_double_eq(back.curve->step(), asset.curve->step());
@@ -312,5 +351,5 @@ END_TEST
 int main() {
   return run("transfer", {one_change_is_its_own_message, a_group_comes_back_as_it_was, a_foreign_change_alone_is_a_group,
                           what_is_malformed_is_refused, assets_come_back_as_they_were, an_object_keeps_its_assets,
-                          the_layout_has_its_version, records_have_the_common_size});
+                          surfaces_that_are_refused, textures_that_are_refused, the_layout_has_its_version, records_have_the_common_size});
 }

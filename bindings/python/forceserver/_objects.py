@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Unpack
 import numpy as np
 
 from . import _core
-from ._core import Curve, Object, Primitive, Profile, ProfileKind, Shape, Surface, SurfaceSettings
+from ._core import Axis, Curve, Object, Primitive, Profile, ProfileKind, Shape, Surface, SurfaceSettings
 
 __all__ = [
     "Constant",
@@ -83,6 +83,8 @@ def _reduce_curve(curve: Curve) -> tuple[Any, ...]:
 
 
 def _reduce_surface(surface: Surface) -> tuple[Any, ...]:
+    if (heights := surface.get_heights()) is not None:
+        return _core.surface_create_texture, (surface.get_settings(), heights)
     return _core.surface_create, (surface.get_settings(),)
 
 
@@ -295,19 +297,44 @@ def law(
 # ------------------------------------------------------------------------------------------------------------ surfaces
 
 
-def surface(*, static_friction: float = 0, dynamic_friction: float | None = None, slip_distance: float = 0) -> Surface:
+def surface(
+    *,
+    static_friction: float = 0,
+    dynamic_friction: float | None = None,
+    slip_distance: float = 0,
+    heights: ArrayLike | None = None,
+    width: float | tuple[float, float] = 0,
+    first: tuple[float, float] = (0, 0),
+    axis: Axis | Literal["x", "y", "z"] = "z",
+    repeats: bool = False,
+) -> Surface:
     """What the surface of a solid object does: `surface=` of a Plane or Mesh.
 
     static_friction, dynamic_friction: the Coulomb coefficient while it sticks and while it slips, 0..2; without the second both
-    are equal. slip_distance: m, over which the one becomes the other. See fs_surface_settings.
+    are equal. slip_distance: m, over which the one becomes the other.
+
+    heights: a texture, m, -1..0, an array of shape (rows, columns) that is projected along `axis`: with "z" the columns go along x
+    and the rows along y, with "x" along y and z, with "y" along z and x. width: m, from one height to the next, or those of columns
+    and rows. first: m, the place of the first height. repeats: the grid is repeated without end. See fs_surface_settings.
     """
-    return _core.surface_create(
-        SurfaceSettings(
-            static_friction=static_friction,
-            dynamic_friction=static_friction if dynamic_friction is None else dynamic_friction,
-            slip_distance=slip_distance,
-        )
+    settings = SurfaceSettings(
+        static_friction=static_friction,
+        dynamic_friction=static_friction if dynamic_friction is None else dynamic_friction,
+        slip_distance=slip_distance,
     )
+    if heights is None:
+        if width != 0 or first != (0, 0) or axis != "z" or repeats:
+            raise TypeError("width, first, axis and repeats are those of heights, which are missing")
+        return _core.surface_create(settings)
+    grid = np.asarray(heights, dtype=float)
+    if grid.ndim != 2:
+        raise TypeError(f"heights have the shape {grid.shape}, must have (rows, columns)")
+    settings.rows, settings.columns = grid.shape
+    settings.column_width, settings.row_width = width if isinstance(width, tuple) else (width, width)
+    settings.first_column, settings.first_row = first
+    settings.axis = _core.Axis[axis.upper()] if isinstance(axis, str) else axis
+    settings.repeats = repeats
+    return _core.surface_create_texture(settings, grid.ravel())
 
 
 # ---------------------------------------------------------------------------------------------------------- primitives

@@ -285,8 +285,19 @@ public final class Player implements AutoCloseable {
       }
       case "curve" -> curves.put(name, step.containsKey("table")
           ? Curve.table(number(step, "step"), numbers(step.get("table"))) : Curve.expression((String) step.get("expression")));
-      case "surface" -> surfaces.put(name, Surface.of(new SurfaceSettings().staticFriction(number(step, "static"))
-          .dynamicFriction(number(step, "dynamic")).slipDistance(number(step, "distance"))));
+      case "surface" -> {
+        SurfaceSettings settings = new SurfaceSettings().staticFriction(number(step, "static"))
+            .dynamicFriction(number(step, "dynamic")).slipDistance(number(step, "distance"));
+        if (step.containsKey("heights")) {
+          double[] heights = numbers(step.get("heights"));
+          int columns = (int) number(step, "columns");
+          double width = number(step, "width");
+          settings.columns(columns).rows(heights.length / columns).columnWidth(width).rowWidth(width).repeats(true);
+          surfaces.put(name, Surface.texture(settings, heights));
+        } else {
+          surfaces.put(name, Surface.of(settings));
+        }
+      }
       case "profile" -> {
         DoubleBuffer distances = Buffers.of(numbers(step.get("distances"))), forces = Buffers.doubles(distances.capacity());
         double maxStiffness = step.containsKey("max_stiffness") ? number(step, "max_stiffness") : 0;
@@ -349,6 +360,8 @@ public final class Player implements AutoCloseable {
         if (o.surface() != null) {
           SurfaceSettings settings = o.surface().settings();
           give(settings.staticFriction(), settings.dynamicFriction(), settings.slipDistance());
+          give(o.surface().heights());
+          give(settings.columnWidth());
         }
       }
       case "motions" -> {

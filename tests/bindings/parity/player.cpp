@@ -238,7 +238,14 @@ class Player {
       settings.static_friction = step.at("static"), settings.dynamic_friction = step.at("dynamic");
       settings.slip_distance = step.at("distance");
       fs_surface* surface;
-      check(fs_surface_create(&settings, &surface));
+      if (step.contains("heights")) {
+        const std::vector<double> heights = step["heights"];
+        settings.columns = step.at("columns"), settings.rows = static_cast<uint32_t>(heights.size()) / settings.columns;
+        settings.column_width = settings.row_width = step.at("width"), settings.repeats = true;
+        check(fs_surface_create_texture(&settings, heights.data(), heights.size(), &surface));
+      } else {
+        check(fs_surface_create(&settings, &surface));
+      }
       surfaces_[name] = surface;
     } else if (verb == "profile") {
       const fs_profile p = profile(step.at("profile"));
@@ -316,6 +323,10 @@ class Player {
         fs_surface_settings settings = fs_surface_settings_init();
         check(fs_surface_get_settings(o.surface, &settings));
         give(settings.static_friction), give(settings.dynamic_friction), give(settings.slip_distance);
+        size_t count = 0;
+        const double* const heights = fs_surface_get_heights(o.surface, &count);
+        for (size_t i = 0; i < count; ++i) give(heights[i]);
+        give(settings.column_width);
       }
       fs_object_release(&o);
     } else if (verb == "motions") {
