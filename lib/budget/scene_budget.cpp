@@ -35,10 +35,10 @@ void SceneBudget::note_slope(const Object& object, double slope, double texture_
   auto told = told_.find(object.name);
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
-    told =
-        told_.emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets,
+    told = told_
+               .emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets,
                                                   texture_part})
-            .first;
+               .first;
   }
   told->second.now = now;
   told->second.wanted = wanted;

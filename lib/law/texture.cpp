@@ -52,9 +52,12 @@ struct Weights {
 
   Weights(double t, double width) noexcept {
     const double u = 1 - t, per = 1 / width;
-    value[0] = u * u * u / 6, value[1] = 2.0 / 3 - t * t * (1 - t / 2), value[2] = 2.0 / 3 - u * u * (1 - u / 2), value[3] = t * t * t / 6;
-    slope[0] = -u * u / 2 * per, slope[1] = t * (1.5 * t - 2) * per, slope[2] = -u * (1.5 * u - 2) * per, slope[3] = t * t / 2 * per;
-    curvature[0] = u * per * per, curvature[1] = (3 * t - 2) * per * per, curvature[2] = (3 * u - 2) * per * per, curvature[3] = t * per * per;
+    value[0] = u * u * u / 6, value[1] = 2.0 / 3 - t * t * (1 - t / 2), value[2] = 2.0 / 3 - u * u * (1 - u / 2),
+    value[3] = t * t * t / 6;
+    slope[0] = -u * u / 2 * per, slope[1] = t * (1.5 * t - 2) * per, slope[2] = -u * (1.5 * u - 2) * per,
+    slope[3] = t * t / 2 * per;
+    curvature[0] = u * per * per, curvature[1] = (3 * t - 2) * per * per, curvature[2] = (3 * u - 2) * per * per,
+    curvature[3] = t * per * per;
   }
 };
 
@@ -99,7 +102,8 @@ Texture::Texture(const fs_surface_settings& of, std::span<const double> heights)
   check_count(of.columns, "columns");
   check_count(of.rows, "rows");
   const uint64_t all = uint64_t{of.columns} * of.rows;
-  if (all > most_heights) fail(FS_ERROR_INVALID, "columns * rows is %llu, must be at most %u", static_cast<unsigned long long>(all), most_heights);
+  if (all > most_heights)
+    fail(FS_ERROR_INVALID, "columns * rows is %llu, must be at most %u", static_cast<unsigned long long>(all), most_heights);
   if (heights.size() != all) {
     fail(FS_ERROR_INVALID, "count is %zu, must be columns * rows (%u * %u)", heights.size(), of.columns, of.rows);
   }
@@ -145,8 +149,8 @@ void Texture::find_bounds() {
     for (size_t column = 0; column < columns_.cells(); ++column) {
       std::array<std::array<double, 4>, 4> lines, net;  // net[x][y]
       for (size_t i = 0; i < 4; ++i) {
-        lines[i] = control_points(coefficient(column, row + i), coefficient(column + 1, row + i), coefficient(column + 2, row + i),
-                                  coefficient(column + 3, row + i));
+        lines[i] = control_points(coefficient(column, row + i), coefficient(column + 1, row + i),
+                                  coefficient(column + 2, row + i), coefficient(column + 3, row + i));
       }
       for (size_t i = 0; i < 4; ++i) net[i] = control_points(lines[0][i], lines[1][i], lines[2][i], lines[3][i]);
       double along_x = 0, along_y = 0, xx = 0, xy = 0, yy = 0;
@@ -197,7 +201,8 @@ Texture::Sample Texture::at(Vec3 place) const noexcept {
   if (is_beyond_x) along_x = xx = xy = 0;
   if (is_beyond_y) along_y = yy = xy = 0;
   const Vec3 u = unit(columns_.axis), v = unit(rows_.axis);
-  return {std::min(height, 0.0), along_x * u + along_y * v, xx * outer(u, u) + yy * outer(v, v) + xy * (outer(u, v) + outer(v, u))};
+  return {std::min(height, 0.0), along_x * u + along_y * v,
+          xx * outer(u, u) + yy * outer(v, v) + xy * (outer(u, v) + outer(v, u))};
 }
 
 }  // namespace fs

@@ -54,7 +54,9 @@ struct PackedAsset {
   static PackedAsset of(wire::Type type, std::span<const std::byte> record, Descriptor&& content);
 
   uint64_t& id() noexcept { return type == wire::type_shape ? shape.id : type == wire::type_curve ? curve.id : surface.id; }
-  bool has_content() const noexcept { return type == wire::type_shape || (type == wire::type_curve ? curve.count : surface.count) > 0; }
+  bool has_content() const noexcept {
+    return type == wire::type_shape || (type == wire::type_curve ? curve.count : surface.count) > 0;
+  }
   std::span<const std::byte> record() const noexcept;
   uint64_t content_bytes() const;  // that the file must have. INVALID: the record is no good
 };

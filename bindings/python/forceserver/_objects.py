@@ -332,7 +332,7 @@ def surface(
     settings.rows, settings.columns = grid.shape
     settings.column_width, settings.row_width = width if isinstance(width, tuple) else (width, width)
     settings.first_column, settings.first_row = first
-    settings.axis = _core.Axis[axis.upper()] if isinstance(axis, str) else axis
+    settings.axis = axis
     settings.repeats = repeats
     return _core.surface_create_texture(settings, grid.ravel())
 

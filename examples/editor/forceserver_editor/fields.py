@@ -38,7 +38,9 @@ def make_shape(value: Any) -> fs.Shape:
 
 
 def put_surface(target: fs.Object, name: str, value: float) -> None:
-    """One setting of the surface. The dynamic coefficient goes along with the static one, and with these the contact needs none."""
+    """One setting of the surface, whose texture stays. The dynamic coefficient goes along with the static one, and with these the
+    contact needs none."""
+    heights = target.surface.get_heights() if target.surface is not None else None
     settings = target.surface.get_settings() if target.surface is not None else fs.SurfaceSettings()
     if name not in ("static_friction", "dynamic_friction", "slip_distance"):
         raise Refused(f"surface has no field {name}")
@@ -47,10 +49,13 @@ def put_surface(target: fs.Object, name: str, value: float) -> None:
         known = settings.dynamic_friction if settings.dynamic_friction > 0 else value
         settings.dynamic_friction = min(max(known, value / 10), value)
     try:
-        target.surface = fs.surface_create(settings) if settings.static_friction != 0 else None
+        if heights is not None:
+            target.surface = fs.surface_create_texture(settings, heights)
+        else:
+            target.surface = fs.surface_create(settings) if settings.static_friction != 0 else None
     except fs.Error as error:
         raise refusal(error, "surface") from None
-    if target.surface is not None:
+    if settings.static_friction != 0:
         contact = target.contact.copy()
         contact.friction = 0
         target.contact = contact

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -390,3 +391,32 @@ def test_profiles_and_custom():
         fs.Custom(lambda x: 1 / 0, limit=1, until=1)
     with pytest.raises(TypeError):
         fs.Custom([1, 2, 3], limit=1)
+
+
+def test_surfaces():
+    ice = fs.surface(static_friction=0.2, dynamic_friction=0.1, slip_distance=1e-3)
+    assert ice.get_settings().dynamic_friction == 0.1 and ice.get_heights() is None
+    assert fs.surface(static_friction=0.3).get_settings().dynamic_friction == 0.3
+    heights = -1e-4 * np.arange(6.0).reshape(2, 3)
+    rough = fs.surface(heights=heights, width=(1e-3, 2e-3), first=(0.1, 0.2), axis="x", repeats=True)
+    settings = rough.get_settings()
+    assert (settings.columns, settings.rows, settings.column_width, settings.row_width) == (3, 2, 1e-3, 2e-3)
+    assert settings.axis == fs.Axis.X and settings.repeats and (settings.first_column, settings.first_row) == (0.1, 0.2)
+    for surface in (ice, rough):
+        again = pickle.loads(pickle.dumps(surface))
+        assert again.get_settings() == surface.get_settings()
+        assert np.array_equal(again.get_heights(), surface.get_heights()) if surface is rough else again.get_heights() is None
+    assert rough.get_heights().tolist() == heights.ravel().tolist()
+    scene = fs.Scene()
+    scene["slab"] = fs.Plane(contact=fs.Contact(keep="front", stiffness=1000, limit=5), surface=fs.surface(heights=[[-1e-3]]))
+    with fs.Tool(scene) as tool:
+        tool.evaluate(fs.State(pose=fs.Pose(position=(0, 0, 0.01))))
+        state = fs.State(pose=fs.Pose(position=(0, 0, -3e-3)))
+        assert tool.evaluate(state).wrench.force.tolist() == pytest.approx([0, 0, 2])  # it is carved by 1 mm
+    for wrong in ({"heights": [1, 2]}, {"width": 1e-3}, {"repeats": True}):
+        with pytest.raises(TypeError, match="heights"):
+            fs.surface(**wrong)
+    with pytest.raises(fs.Error, match=r"heights\[1\] is 0.001"):
+        fs.surface(heights=[[0, 1e-3]], width=1e-3)
+    with pytest.raises(ValueError, match="axis 'w' is unknown; use 'z', 'x' or 'y'"):
+        fs.surface(heights=[[0]], axis="w")
