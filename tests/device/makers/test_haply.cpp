@@ -47,6 +47,7 @@ static void check_axes(const char* version, const char* options) {
     ck_assert_msg(dot(moved, way) > 0.9 * norm(moved), "%g %g %g", moved.x, moved.y, moved.z);
     wrench.force = {};
     OK(fs_device_write(device.get(), &wrench));
+    ck_assert(until([&] { return norm(arm.handle.force()) < 1e-9; }));  // else it moves away again
     arm.handle.with_plant([](stability::Plant& plant) { plant.put({}); });
     ck_assert(until([&] { return norm(state_of(device).pose.position) < 1e-3; }));
   }

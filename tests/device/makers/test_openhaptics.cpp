@@ -86,6 +86,7 @@ START_TEST(axes) {
     EXPECT_VECTOR(moved + before, first().handle.position(), 3e-3);
     wrench.force = {};
     OK(fs_device_write(device.get(), &wrench));
+    ck_assert(until([&] { return norm(first().handle.force()) < 1e-9; }));  // else it moves away again
     first().handle.with_plant([](stability::Plant& plant) { plant.put({}); });
     ck_assert(until([&] { return norm(state_of(device).pose.position) < 1e-4; }));
   }
