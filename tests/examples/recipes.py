@@ -70,6 +70,15 @@ def check_stick_slip(lines):
         expect(near(force, [aside, 0, 1]), f"stick_slip, {where} at {x[0]} mm: {force} N, not {aside}")
 
 
+def corduroy(x):
+    """stiffness * (depth + h) * (normal - grad h), h the cosine that the heights are of."""
+    if x[2] > 0:
+        return [0, 0, 0]
+    height, slope = 0.2 * (math.cos(math.pi / 2 * x[0]) - 1), -0.1 * math.pi * math.sin(math.pi / 2 * x[0])
+    push = 0.5 * (-x[2] + height)
+    return [-push * slope, 0, push]
+
+
 def sphere(x):
     size = norm(x)
     return [0, 0, 0] if size == 0 else [min(10, max(0, 0.5 * (30 - size))) * value / size for value in x]
@@ -123,7 +132,8 @@ def by_formula(name, formula):
 
 
 CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box),
-          "solid": by_formula("solid", solid), "stick_slip": check_stick_slip, "sphere": by_formula("sphere", sphere),
+          "solid": by_formula("solid", solid), "stick_slip": check_stick_slip,
+          "corduroy": by_formula("corduroy", corduroy), "sphere": by_formula("sphere", sphere),
           "path": check_path, "gravity": by_formula("gravity", gravity), "viscous_zone": check_viscous_zone,
           "hazard": check_hazard, "magnet": by_formula("magnet", magnet)}
 
