@@ -1,6 +1,8 @@
 // How tests make what they use.
 #pragma once
 
+#include <vector>
+
 #include <forceserver/forceserver.hpp>
 
 namespace scenes {
@@ -28,5 +30,6 @@ Curve make_table(const double* forces, size_t count, double step);
 Curve make_expression(const char* text);
 fs_surface_settings sticky(double static_friction, double dynamic_friction, double slip_distance);
 Surface make_surface(const fs_surface_settings& settings);
+Surface make_texture(const fs_surface_settings& settings, const std::vector<double>& heights);
 
 }  // namespace scenes

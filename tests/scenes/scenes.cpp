@@ -74,6 +74,12 @@ Surface make_surface(const fs_surface_settings& settings) {
   return Surface(surface);
 }
 
+Surface make_texture(const fs_surface_settings& settings, const std::vector<double>& heights) {
+  fs_surface* surface = nullptr;
+  require(fs_surface_create_texture(&settings, heights.data(), heights.size(), &surface), "fs_surface_create_texture");
+  return Surface(surface);
+}
+
 Curve make_expression(const char* text) {
   fs_curve* curve = nullptr;
   require(fs_curve_create_expression(text, &curve), "fs_curve_create_expression");

@@ -1,8 +1,9 @@
-// The ten cases of facts section 4 in which a method fails: raw, with the protections switched off, where it must fail, and
+// Cases in which a method fails, the first ten of them those of facts section 4: raw, with the protections switched off, where it must fail, and
 // with the default options, where it must not.
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 #include "boundary.h"
@@ -513,6 +514,50 @@ void overlapping(Report& report, const std::string& folder) {
   }
 }
 
+// ---- 11: a texture is steeper along the surface than the loop bears.
+void texture(Report& report, const std::string& folder) {
+  constexpr double height = 1e-4, apart = 1e-3, push = 3;  // m, m, N
+  const double wave = 2 * std::numbers::pi / apart;
+  report.title(format("11: ridges of +-0.1 mm, 1 mm apart, pressed with 3 N: %.0f N/m along the surface in a groove, no friction",
+                      push * height * wave * wave));
+  std::vector<double> heights;
+  for (int i = 0; i < 16; ++i) heights.push_back(height * (std::cos(wave * apart * i / 16) - 1));
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.columns = 16;
+  settings.rows = 1;
+  settings.column_width = apart / 16;
+  settings.repeats = true;
+  const Surface surface = make_texture(settings, heights);
+  for (const double delay : {0.0, 0.002, 0.01}) {
+    double left = 0;  // of the heights
+    const auto run = [&](bool is_cured) {
+      DeviceModel device = with_delay(delay);
+      device.friction = 0;
+      Rig rig(device, nominal);
+      fs_object ridges = plane("ridges", {}, {});
+      ridges.contact.keep = FS_KEEP_FRONT;
+      ridges.contact.stiffness = 300;
+      ridges.contact.limit = 5;
+      ridges.surface = surface.get();
+      rig.set(ridges);
+      const double x = 0.3e-3;  // on the slope of a ridge
+      const Rest r = rest(rig, options(is_cured), {x, 0, 0.01}, {x, 0, -push / 300 - push / nominal.stiffness},
+                          [](fs_vec3 at) { return at.x; }, 0.5);
+      fs_report told;
+      require(fs_scene_get_report(rig.scene.get(), "ridges", &told), "fs_scene_get_report");
+      left = 1 - told.texture_lost;
+      return r;
+    };
+    const Rest raw = run(false), cured = run(true);
+    const bool is_too_fine = delay > 0;
+    report.check(format("11/raw/%g_ms", 1e3 * delay), raw.motion.lasts() == is_too_fine,
+                 format("%s: %.2f mm p-p", is_too_fine ? "does not come to rest in a groove" : "rests", raw.swing()));
+    report.check(format("11/cured/%g_ms", 1e3 * delay), cured.is_still() && left > 0,
+                 format("%.0f %% of the heights stay, and the hand is still: %.3f mm p-p", 100 * left, cured.swing()));
+    write(folder, format("11_texture_%g_ms", 1e3 * delay), "position mm", raw.curve, cured.curve);
+  }
+}
+
 }  // namespace
 
 void run_failures(Report& report, const std::string& folder) {
@@ -526,6 +571,7 @@ void run_failures(Report& report, const std::string& folder) {
   rough_velocity(report, folder);
   clipped_motors(report, folder);
   overlapping(report, folder);
+  texture(report, folder);
 }
 
 }  // namespace stability

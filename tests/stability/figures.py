@@ -116,8 +116,9 @@ def draw_failures():
         ("8_velocity", "8: damping of 20 N s/m from a 20 um encoder", (2, 2.3)),
         ("9", "9: 40 N wanted at the edge of a DELTA, each motor clipped", None),
         ("10_overlapping_4", "10: four attractors of 2000 N/m, delay 2 ms", None),
+        ("11_texture_2_ms", "11: ridges of +-0.1 mm, 1 mm apart, delay 2 ms (across them)", None),
     ]
-    figure, panels = pyplot.subplots(len(rows), 2, figsize=(9, 21), constrained_layout=True)
+    figure, panels = pyplot.subplots(len(rows), 2, figsize=(9, 23), constrained_layout=True)
     for (raw, cured), (name, title, window) in zip(panels, rows):
         raw.set_title(title + (": raw" if name != "9" else ""), fontsize=8)
         cured.set_title("with the default options", fontsize=8)
