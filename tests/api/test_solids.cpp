@@ -25,7 +25,8 @@ struct Solid {
   fs_object object{};
   bool is_there = false;
   fs_twist twist{};
-  double largest_limit = 0;  // N, that its contact has had
+  double largest_limit = 0;  // N, that its contact has had,
+  double steepest = 0;       // and the steepest slope, N/m, on one point of the tool
   bool is_moving() const { return norm(twist.linear) > 0 || norm(twist.angular) > 0; }
 };
 
@@ -45,7 +46,7 @@ struct Play {
 
   static constexpr double size = 0.05;  // m, about half of a solid
 
-  Random random;
+  Random random, relief;
   const Kind kind;
   FakeDevice fake;
   Scene scene = make_scene();
@@ -64,7 +65,7 @@ struct Play {
   std::vector<Tick> felt;
   Step worst;           // the one that exceeds what is allowed most
 
-  Play(uint64_t seed, Kind the_kind) : random(seed), kind(the_kind), fake("solids") {
+  Play(uint64_t seed, Kind the_kind) : random(seed), relief(seed + 1), kind(the_kind), fake("solids") {
     fake.info.force_max = 1e6;
     fake.info.torque_max = 1e6;
     fake.info.damping = 10;  // so that the servo adds none, by which a hand that starts at once feels a step
@@ -126,12 +127,24 @@ struct Play {
 
   // Gives it this friction: of its contact, or of a surface that sticks with it and slips with less.
   void rub(Solid& s, double friction) {
-    const bool has_surface = friction > 0 && random.coin();
-    s.object.contact.friction = has_surface ? 0 : friction;
+    const bool sticks = friction > 0 && random.coin(), is_rough = relief.coin(0.3);
+    s.object.contact.friction = sticks ? 0 : friction;
     s.object.surface = nullptr;
-    if (!has_surface) return;
-    const double sliding = friction * random.between(0.1, 1), distance = random.coin() ? 0 : random.log_between(1e-5, 1e-2);
-    surfaces.push_back(make_surface(sticky(friction, sliding, distance)));
+    fs_surface_settings settings = fs_surface_settings_init();
+    if (sticks) {
+      const double sliding = friction * random.between(0.1, 1), distance = random.coin() ? 0 : random.log_between(1e-5, 1e-2);
+      settings = sticky(friction, sliding, distance);
+    }
+    std::vector<double> heights;
+    if (is_rough) {
+      settings.columns = settings.rows = 8;
+      settings.axis = static_cast<fs_axis>(relief.below(3));
+      settings.repeats = relief.coin();
+      settings.column_width = settings.row_width = relief.log_between(5e-4, 5e-3);
+      for (int i = 0; i < 64; ++i) heights.push_back(-relief.between(0, 0.2) * settings.column_width);
+    }
+    if (!sticks && !is_rough) return;
+    surfaces.push_back(is_rough ? make_texture(settings, heights) : make_surface(settings));
     s.object.surface = surfaces.back().get();
   }
 
@@ -175,6 +188,7 @@ struct Play {
         }
     }
     require(fs_object_set(scene.get(), &s.object), "fs_object_set");
+    s.steepest = std::max(s.steepest, report_of(scene.get(), s.object.name).stiffness_wanted);
     s.is_there = true;
   }
 
@@ -227,7 +241,7 @@ struct Play {
       for (const Solid& s : solids) {
         force += s.largest_limit + s.object.front.limit;
         largest = std::max(largest, s.largest_limit + s.object.front.limit);
-        slope += s.object.contact.stiffness * points + rendered;
+        slope += s.steepest * points + rendered;
         // A solid that is blended goes faster for a while.
         const double way = dt * (norm(s.twist.linear) + 2 * size * norm(s.twist.angular));
         sum_of_ways += 3 * way;

@@ -28,9 +28,7 @@ struct Grid {
     }
   }
   Surface make() const {
-    fs_surface* out = nullptr;
-    OK(fs_surface_create_texture(&settings, heights.data(), heights.size(), &out));
-    return Surface(out);
+    return make_texture(settings, heights);
   }
 };
 
