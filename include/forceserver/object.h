@@ -359,19 +359,18 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  * stiffness that the contact has, slip_distance counts as 2 (static - dynamic) times the depth at least, where N is the
  * stiffness times the depth. Solid objects that share a proxy have the mean of their coefficients, by how far each pushes.
  *
- * Texture. A grid of heights, all at most 0, is carved into the surface, projected along an axis
- * of the object. Between the heights goes a bicubic spline h (Unser, "Splines",
- * 1999), which continues as its mirror image at the border; where it would rise above 0 between them, all of it is lowered. The
- * proxy stays on the surface that is not carved. With n the normal and s = max(0, depth + h) the spring pushes with
- * stiffness * s * (n - grad h): it is the gradient of stiffness s^2 / 2, so no closed path gains energy, and friction acts about
- * the turned normal n - grad h. This is exact on planes and along a flat part of a mesh, where grad h is the part along it; h is
- * taken where the proxy would be without friction. With g the steepest slope of h the force along the normal ends at
- * limit / ((g + sqrt(g^2 + 4)) / 2), so that the limit holds for the whole. An object with a texture has a proxy of its own.
- *
- * With k the stiffness and c the largest curvature of h, 1/m, the force slopes by k along the normal, by k g^2 + limit c along the
- * surface, and by k g across: fs_report.stiffness_wanted is the larger eigenvalue of that matrix. Where less can be rendered the
- * heights are made smaller, all in the same proportion, and the stiffness keeps at least 0.8 of what it would have without a
- * texture. This is done where the bounds are worked out, never by speed, and fs_report.texture_lost tells it. */
+ * Texture. A grid of heights, none above 0, is projected along an axis of the object and carved into the surface. Between the
+ * heights goes a bicubic spline h (Unser, "Splines: a perfect fit for signal and image processing", 1999). At the border of a
+ * grid that does not repeat its slope is 0, and beyond the height stays. Where h would rise above 0, all of it is lowered.
+ * - The proxy stays on the surface that is not carved. With n the normal there, and s = max(0, depth + h), the spring pushes
+ *   with stiffness * s * (n - grad h). That is the gradient of the energy stiffness * s^2 / 2, so no closed path gains any.
+ *   Friction acts about the turned normal n - grad h. h is taken where the proxy would be without friction.
+ * - This is exact on planes and on a flat part of a mesh, where grad h is the part of it along the surface.
+ * - An object with a texture has a proxy of its own. With g the steepest slope of h the force along the normal ends at
+ *   limit / ((g + sqrt(g^2 + 4)) / 2), so that the whole force stays within the limit on each slope.
+ * - fs_report.stiffness_wanted is the larger eigenvalue of the matrix (k, k g; k g, k g^2 + limit c), where k is the stiffness
+ *   and c the largest curvature of h, 1/m. Where a servo can render less the heights are made smaller, all by the same factor,
+ *   and the stiffness keeps at least 0.8 of what it would have without a texture. fs_report.texture_lost tells by how much. */
 
 /* The axis of the object along which a grid of heights is projected. */
 typedef enum fs_axis {

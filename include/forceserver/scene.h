@@ -321,7 +321,7 @@ typedef struct fs_report {
                                    that want most, as many names as fit, such as "a, b and 17 more"; then "other
                                    clients", where some want a part of the same. Empty: it gets all that it wants, is
                                    alone, or out of the hand's reach */
-  double texture_lost;          /* 0..1, the part of the heights of its texture that cannot be rendered */
+  double texture_lost;          /* 0..1, the part of its texture's heights that cannot be rendered */
   double reserved[1];           /* 0 */
 } fs_report;
 

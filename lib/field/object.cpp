@@ -73,17 +73,12 @@ void check_surface(const fs_object& in) {
   }
 }
 
-// N/m, the slope that a texture of this steepness and curvature, 1/m, has along the surface.
-double slope_along(const Object& object, double stiffness, double steepest, double curved) {
-  return stiffness * steepest * steepest + object.contact.limit * curved;
-}
-
 // N/m, of a contact of this stiffness with this part of the texture's heights: see object.h, Surfaces.
 double contact_slope(const Object& object, double stiffness, double part) {
   const Texture* const texture = object.texture();
   if (!texture) return stiffness;
   const double steepest = part * texture->steepest();
-  const double along = slope_along(object, stiffness, steepest, part * texture->most_curved());
+  const double along = stiffness * steepest * steepest + part * object.contact.limit * texture->most_curved();
   return 0.5 * (stiffness + along + std::hypot(stiffness - along, 2 * stiffness * steepest));
 }
 

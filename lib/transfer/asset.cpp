@@ -1,5 +1,6 @@
 #include "transfer/asset.h"
 
+#include <cstddef>
 #include <cstring>
 
 #include "base/error.h"
@@ -16,6 +17,8 @@ static Ref<const Surface> unpack_surface(const wire::Surface& record, std::span<
   if (size > sizeof record.settings) fail(FS_ERROR_INVALID, "the settings of the surface are %u bytes long: too many", size);
   alignas(fs_surface_settings) std::byte given[sizeof record.settings];
   std::memcpy(given, record.settings, sizeof given);
+  const auto repeats = static_cast<unsigned>(given[offsetof(fs_surface_settings, repeats)]);
+  if (repeats > 1) fail(FS_ERROR_INVALID, "repeats is %u, must be 0 or 1", repeats);  // a bool must not be another number
   return make_surface(read_grown(reinterpret_cast<const fs_surface_settings*>(given)), heights);
 }
 

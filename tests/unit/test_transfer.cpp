@@ -167,6 +167,7 @@ START_TEST(textures_that_are_refused) {
   refused(as_it_is, {-1e-3, -1e-3});
   refused(as_it_is, {0, 0, 0, 0, 0, NAN});
   refused(as_it_is, {0, 0, 0, 0, 0, 1e-3});
+  refused([](wire::Surface& s) { s.settings[offsetof(fs_surface_settings, repeats)] = std::byte{7}; }, six);
   refused([](wire::Surface& s) { s.count = 0; }, six);  // the settings have columns and rows
   for (const uint64_t count : {uint64_t{5}, uint64_t{7}, uint64_t{1} << 40, uint64_t{1} << 61, ~uint64_t{0}}) {
     refused([count](wire::Surface& s) { s.count = count; }, six);
