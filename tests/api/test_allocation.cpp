@@ -67,6 +67,17 @@ static Content everything() {
   const fs_contact contact{FS_KEEP_EITHER, 0, 1000, 5, 1, 0.5, {}};
   content.add("table", FS_PRIMITIVE_PLANE, {0, 0, -0.02}).contact = contact;
   content.add_shape("solid", make_mesh(sphere_mesh(0.02, 3000)), {0.02, 0, 0}).contact = contact;
+  static const Surface rough = [] {
+    fs_surface_settings settings = sticky(0.5, 0.2, 1e-3);
+    settings.columns = settings.rows = 2;
+    settings.column_width = settings.row_width = 1e-3;
+    settings.repeats = true;
+    return make_texture(settings, {0, -1e-4, -1e-4, 0});
+  }();
+  fs_object& relief = content.add("relief", FS_PRIMITIVE_PLANE, {0, 0, -0.01});
+  relief.contact = contact;
+  relief.contact.friction = 0;
+  relief.surface = rough.get();
   if (has_expressions()) {
     fs_object& o = content.add("expression", FS_PRIMITIVE_PLANE);
     o.front = o.back = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 0.5, 0, 1);
