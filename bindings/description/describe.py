@@ -35,6 +35,7 @@ TABLE = {
     "fs_scene_get_hand.sent": "null",
     "fs_shape_create_mesh.triangles": "width 3",
     "fs_shape_get_triangles": "width 3",
+    "fs_surface_set_impact.settings": "inout",
     "fs_tool_create.points": "null",
 }
 # The last field of each growing struct in its first version. What is appended later is not there for programs that were

@@ -95,6 +95,9 @@ inline void object_evaluate_law(const fs_object& object, double max_stiffness, d
     size_t count, double* forces) {
   throw_on_error(fs_object_evaluate_law(&object, max_stiffness, t, distances, count, forces));
 }
+inline void surface_set_impact(fs_surface_settings* settings, fs_impact impact) {
+  throw_on_error(fs_surface_set_impact(settings, impact));
+}
 inline fs_pose frame_to_scene(const fs_frame& frame, const fs_pose& pose) {
   fs_pose out{};
   throw_on_error(fs_frame_to_scene(&frame, &pose, &out));

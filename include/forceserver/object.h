@@ -370,7 +370,19 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  *   limit / ((g + sqrt(g^2 + 4)) / 2), so that the whole force stays within the limit on each slope.
  * - fs_report.stiffness_wanted is the larger eigenvalue of the matrix (k, k g; k g, k g^2 + limit c), where k is the stiffness
  *   and c the largest curvature of h, 1/m. Where a servo can render less the heights are made smaller, all by the same factor,
- *   and the stiffness keeps at least 0.8 of what it would have without a texture. fs_report.texture_lost tells by how much. */
+ *   and the stiffness keeps at least 0.8 of what it would have without a texture. fs_report.texture_lost tells by how much.
+ *
+ * Impact. Where a tool point meets the surface at v m/s, along the normal and relative to the object, it also feels
+ * impact_gain * v * exp(-impact_decay * t) * sin(2 pi * impact_frequency * t), outwards first (Okamura, Cutkosky & Dennerlein,
+ * "Reality-based models for vibration feedback in virtual environments", IEEE/ASME Trans. Mechatronics 6(3), 2001). It goes on
+ * until it has decayed, also when the point has left again. A point that comes slower than 20 mm/s at the device gives none, and
+ * after each contact the point must have been free for 50 ms, and 1 mm above the surface, before it gives the next. An object
+ * that is set where the hand is gives none. With several tool points each gives its part: they share impact_gain.
+ * Under a servo all impacts together change by at most a quarter of the slew limit (fs_servo_options.slew), so they never have
+ * the guard hold back other forces; the first half wave slows the hand by at most half of v, with the mass that the device tells,
+ * and the frequency is at least that of the handle on the spring of the contact: so the hand does not leave faster than it
+ * came. The frequency is at most an eighth of the servo's rate. A device that renders local models feels none, because its
+ * controller cannot follow them. fs_report.impact_lost tells what is lost. */
 
 /* The axis of the object along which a grid of heights is projected. */
 typedef enum fs_axis {
@@ -393,8 +405,23 @@ typedef struct fs_surface_settings {
   uint8_t reserved_8[3];        /* 0 */
   double column_width, row_width;    /* m, from one height to the next, 1e-6..1e3 */
   double first_column, first_row;    /* m, the place of the first height, -1e9..1e9 */
+  double impact_gain;           /* N s/m, 0..1e6: newtons for each m/s of approach. 0: none, and what follows is 0, too */
+  double impact_frequency;      /* Hz, 1..1e5 */
+  double impact_decay;          /* 1/s, 1..1e6: after 1 / impact_decay seconds a third of it is left */
 } fs_surface_settings;
 FS_DEFINE_INIT(fs_surface_settings)
+
+/* How hard a surface sounds when it is hit. The figures are chosen, not measured: nobody has judged them on a device. */
+typedef enum fs_impact {
+  FS_IMPACT_NONE = 0,
+  FS_IMPACT_SOFT = 1,           /* rubber: 4 N s/m, 30 Hz, 60/s */
+  FS_IMPACT_MEDIUM = 2,         /* wood: 8 N s/m, 100 Hz, 80/s */
+  FS_IMPACT_HARD = 3,           /* metal: 10 N s/m, 250 Hz, 60/s. A servo of 1 kHz plays it at 125 Hz */
+  FS_IMPACT_FORCE_32 = 0x7fffffff
+} fs_impact;
+
+/* Sets the three impact fields of settings that fs_surface_settings_init made. INVALID, VERSION. */
+FS_API fs_status fs_surface_set_impact(fs_surface_settings *settings, fs_impact impact);
 
 /* A surface of these settings. INVALID, VERSION. */
 FS_API fs_status fs_surface_create(const fs_surface_settings *settings, fs_surface **out);

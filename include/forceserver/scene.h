@@ -317,11 +317,13 @@ typedef struct fs_report {
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of
                                    the scene that asks; for another client's object in newtons at the device */
-  char shares_with[128];        /* the other objects of its scene that are felt where it gets less than it wants: those
+  char shares_with[120];        /* the other objects of its scene that are felt where it gets less than it wants: those
                                    that want most, as many names as fit, such as "a, b and 17 more"; then "other
                                    clients", where some want a part of the same. Empty: it gets all that it wants, is
                                    alone, or out of the hand's reach */
   double texture_lost;          /* 0..1, the part of its texture's heights that cannot be rendered */
+  double impact_lost;           /* 0..1, the part of its impact that cannot be rendered when the hand comes at 0.3 m/s at the
+                                   device and no other impact is felt */
   double reserved[1];           /* 0 */
 } fs_report;
 

@@ -240,6 +240,22 @@ fs_status fs_surface_create(const fs_surface_settings* settings, fs_surface** ou
   });
 }
 
+fs_status fs_surface_set_impact(fs_surface_settings* settings, fs_impact impact) {
+  return guarded([&] {
+    require_pointer(settings, "settings");
+    fs_surface_settings known = read_grown(settings);
+    const int32_t kind = raw_value(impact);
+    if (kind < FS_IMPACT_NONE || kind > FS_IMPACT_HARD) {
+      fail(FS_ERROR_INVALID, "impact is %d, must be an fs_impact (0..3)", kind);
+    }
+    const Impact of = impact_preset(impact);
+    known.impact_gain = of.gain;
+    known.impact_frequency = of.frequency;
+    known.impact_decay = of.decay;
+    write_grown(known, settings);
+  });
+}
+
 fs_status fs_surface_create_texture(const fs_surface_settings* settings, const double* heights, size_t count, fs_surface** out) {
   return guarded([&] {
     require_pointer(settings, "settings");

@@ -316,6 +316,15 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
   return out;
 }
 
+double impact_lost(const Object& object, const ImpactLimit& limit, const fs_frame& frame) noexcept {
+  if (!object.has_impact() || !object.is_solid()) return 0;
+  constexpr double speed = 0.3;  // m/s at the device
+  const Impact asked = object.surface->impact();
+  const double stiffness = stiffness_of(object.contact) * frame.scale * frame.force_scale;
+  const double wanted = frame.force_scale * std::fmin(asked.gain * speed * frame.scale, object.contact.limit);
+  return wanted > 0 ? 1 - std::fmin(1, limit.most(limit.bounded(asked, stiffness), speed, 0, 0) / wanted) : 0;
+}
+
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts) {
   fs_object merged = object;
   const auto take = [&](uint32_t part, auto fs_object::* field) {

@@ -63,6 +63,7 @@ struct Object : Counted<Object> {
     return {own.static_friction, own.static_friction - own.dynamic_friction, own.slip_distance};
   }
   const Texture* texture() const noexcept { return surface && surface->texture ? &*surface->texture : nullptr; }
+  bool has_impact() const noexcept { return surface && surface->settings.impact_gain > 0; }
   // How steep the texture is at most, as it is felt.
   double texture_slope() const noexcept { return texture() ? texture_part * texture()->steepest() : 0; }
   // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
@@ -123,6 +124,9 @@ fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t
 // The object as a servo evaluates it, within these bounds. Null: they change nothing.
 Ref<const Object> bounded(const Object& object, const Bounds& bounds);
 Bounds of_use(const Bounds& bounds, const Object& object) noexcept;  // without those that the object needs not
+
+// What fs_report.impact_lost says. frame: through which a servo feels it.
+double impact_lost(const Object& object, const ImpactLimit& limit, const fs_frame& frame) noexcept;
 
 // The contract's form of an object, without pose, twist, time and start. Its handles are borrowed.
 fs_object to_c(const Object& object);

@@ -9,6 +9,8 @@
 
 namespace fs {
 
+class ImpactBudget;
+
 // The points of a tool where they are now, in the scene frame.
 struct ToolState {
   Pose pose;
@@ -20,6 +22,8 @@ struct ToolState {
   double time;                 // s, scene time
   bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
   double blend = 0;            // s, over which a servo spreads moves; 0: they are felt at once
+  ImpactBudget* impacts = nullptr;    // of the servo; null: impacts are felt in full
+  double scale = 1, force_scale = 1;        // of the frame through which a servo sees the scene
 
   uint32_t all_points() const noexcept { return count == 32 ? ~0u : (1u << count) - 1; }  // a bit for each
 

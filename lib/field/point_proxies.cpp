@@ -275,10 +275,12 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     Touch& touch = *member.touch;
     Solid& solid = *member.solid;
     bool is_touching = false;
+    Vec3 normals{};
     for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
       const Plane& plane = proxy_.planes[p];
       if (plane.member != i) continue;
       is_touching = true;
+      normals += plane.normal;
       Vec3 way_out = depth > 0 ? proxy_.pushes[p] * plane.normal + (proxy_.pushes[p] / depth) * proxy_.held
                                : (1.0 / proxy_.plane_count) * spring.pull;
       if (object.texture()) way_out = (1.0 / proxy_.plane_count) * spring.way;
@@ -297,6 +299,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     touch.pose = solid.pose;
     touch.proxy = proxy_.at;
     touch.is_touching = is_touching;
+    if (is_touching && solid.object->has_impact()) touch.normal = normalized(normals);
     if (!is_touching) touch.slipped = 0;
     solid.is_touched |= is_touching;
     if (const double distance = norm(spring.pull); distance < solid.distance) {

@@ -208,6 +208,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     sum = {};
     if (effort) *effort = {.visits = effort_before.visits, .ways = effort->ways, .most = effort_before.most};
   }
+  feel_impacts(here, last, tool, out);
   here.do_layers_agree = do_layers_agree(here);
   for (uint32_t k = 0; last && k < tool.count; ++k) {
     const double way = norm(here.hand[k] - last->hand[k]);
@@ -216,6 +217,50 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
   tell(here, what, tool, sum, out);
   solid_count_ = 0;
   if (views_left_ > 0) --views_left_;
+}
+
+// The points that touch solids whose surfaces have impacts, each once whatever the layers, and what they feel of these.
+void Proxies::feel_impacts(Touches::View& here, const Touches::View* last, const ToolState& tool, fs_response& out) noexcept {
+  here.impacts.forget();
+  const bool is_any_left = last && !last->impacts.is_empty();
+  std::array<Impacts::Source, Impacts::most_sources> sources;
+  uint32_t source_count = 0;
+  for (Solid& solid : solids()) {
+    if (!solid.object->has_impact() || source_count == sources.size()) continue;
+    sources[source_count++] = {solid.version, solid.takes_over, solid.object, solid.motion, solid.pose, solid.weight, &solid.sum};
+  }
+  if (source_count == 0 && !is_any_left) return;
+  std::array<Meeting, Impacts::most> meetings;
+  uint32_t meeting_count = 0;
+  for (uint32_t n = 0; n < here.layer_count; ++n) {
+    for (const Touch& touch : touches_.touches(here.layers[n])) {
+      if (!touch.is_touching || meeting_count == meetings.size()) continue;
+      const auto source =
+          std::ranges::find(sources.begin(), sources.begin() + source_count, touch.version, &Impacts::Source::version);
+      if (source == sources.begin() + source_count) continue;
+      const auto is_same = [&](const Meeting& m) { return m.version == touch.version && m.point == touch.point; };
+      if (std::any_of(meetings.begin(), meetings.begin() + meeting_count, is_same)) continue;
+      meetings[meeting_count++] = {touch.version, touch.point, was_free(last, *source, touch.point), touch.normal};
+    }
+  }
+  Impacts::Felt felt;
+  here.impacts.feel(last ? &last->impacts : nullptr, step_, {sources.data(), source_count}, {meetings.data(), meeting_count},
+                    tool, felt);
+  out.wrench = out.wrench + felt.wrench;
+  if (felt.is_bounded) out.flags |= FS_RESPONSE_CAPPED;
+}
+
+// Whether a point was near a solid in the last tick, but did not touch it in any layer.
+bool Proxies::was_free(const Touches::View* last, const Impacts::Source& source, uint32_t point) const noexcept {
+  bool is_known = false;
+  for (uint32_t n = 0; last && n < last->layer_count; ++n) {
+    for (const Touch& touch : touches_.last_touches(last->layers[n])) {
+      if (touch.point != point || (touch.version != source.version && touch.version != source.takes_over)) continue;
+      if (touch.is_touching) return false;
+      is_known = true;
+    }
+  }
+  return is_known;
 }
 
 void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept {

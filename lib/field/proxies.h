@@ -82,6 +82,8 @@ class Proxies {
   static bool tells_apart(const Touches::View& last, const Touches::View& here) noexcept;
   bool choose_felt() noexcept;
   bool do_layers_agree(const Touches::View& view) const noexcept;
+  bool was_free(const Touches::View* last, const Impacts::Source& source, uint32_t point) const noexcept;
+  void feel_impacts(Touches::View& here, const Touches::View* last, const ToolState& tool, fs_response& out) noexcept;
   void tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept;
 
   double now_ = 0, step_ = 0;  // s

@@ -60,6 +60,7 @@ struct Touch {
   double slipped;       // the part of its surface's slip distance, 0 to 1, since it stuck
   Side side;            // that is kept
   bool is_touching;
+  Vec3 normal;          // unit, scene frame, where its surface has an impact and it is touching
 };
 // A solid that shares a proxy.
 struct Member {

@@ -8,6 +8,7 @@
 #include <span>
 #include <tuple>
 
+#include "field/impacts.h"
 #include "field/proxy.h"
 
 namespace fs {
@@ -74,6 +75,7 @@ class Touches {
     std::array<Layer, most_layers> layers;
     std::array<uint64_t, most_chosen> chosen;  // versions of the solids that layers tell apart
     Rests rests;
+    Impacts impacts;
   };
 
   // [rt] Begins a tick: what is there becomes what was before.
@@ -136,6 +138,7 @@ class Touches {
   }
 
   // [rt] Touches and pulls of this tick and of the last one.
+  std::span<const Touch> touches(const Layer& layer) const noexcept { return touches_of(ticks_[current_], layer); }
   std::span<const Touch> last_touches(const Layer& layer) const noexcept { return touches_of(ticks_[1 - current_], layer); }
   std::span<const Pull> pulls(const Layer& layer) const noexcept { return pulls_of(ticks_[current_], layer); }
   std::span<const Pull> last_pulls(const Layer& layer) const noexcept { return pulls_of(ticks_[1 - current_], layer); }

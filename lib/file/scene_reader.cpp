@@ -281,10 +281,19 @@ class SceneReader {
     fields.read("static_friction", settings.static_friction);
     fields.read("dynamic_friction", settings.dynamic_friction);
     fields.read("slip_distance", settings.slip_distance);
+    if (const Json* impact = fields.find("impact")) read_impact(*impact, fields.where(), settings);
     std::vector<double> heights;
     if (const Json* texture = fields.find("texture")) read_texture(*texture, fields.where(), settings, heights);
     fields.finish();
     return make_surface(settings, heights);
+  }
+
+  static void read_impact(const Json& value, const std::string& where, fs_surface_settings& out) {
+    Fields fields(value, where + ", impact", "impact");
+    fields.read("gain", out.impact_gain);
+    fields.read("frequency", out.impact_frequency);
+    fields.read("decay", out.impact_decay);
+    fields.finish();
   }
 
   static void read_texture(const Json& value, const std::string& where, fs_surface_settings& out, std::vector<double>& heights) {

@@ -121,6 +121,13 @@ Json::Object to_json(const Surface& surface) {
   put(out, "static_friction", surface.settings.static_friction);
   put(out, "dynamic_friction", surface.settings.dynamic_friction);
   put(out, "slip_distance", surface.settings.slip_distance);
+  if (surface.settings.impact_gain > 0) {
+    Json::Object impact;
+    put(impact, "gain", surface.settings.impact_gain);
+    put(impact, "frequency", surface.settings.impact_frequency);
+    put(impact, "decay", surface.settings.impact_decay);
+    add(out, "impact", std::move(impact));
+  }
   if (surface.texture) add(out, "texture", to_json(*surface.texture, surface.settings));
   return out;
 }

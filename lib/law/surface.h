@@ -9,6 +9,7 @@
 
 #include "base/counted.h"
 #include "base/serial.h"
+#include "law/impact.h"
 #include "law/texture.h"
 
 struct fs_surface : fs::Counted<fs_surface> {
@@ -17,6 +18,8 @@ struct fs_surface : fs::Counted<fs_surface> {
   const uint64_t serial = fs::next_serial();
   const fs_surface_settings settings;
   const std::optional<fs::Texture> texture;
+
+  fs::Impact impact() const noexcept { return {settings.impact_gain, settings.impact_frequency, settings.impact_decay}; }
 
   // Keeps `what` alive as long as the surface. Called before any other thread has the surface.
   void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
@@ -31,6 +34,9 @@ using Surface = fs_surface;
 
 // Throws INVALID. heights: of its texture; empty: it has none.
 Ref<const Surface> make_surface(const fs_surface_settings& settings, std::span<const double> heights = {});
+
+// Of the contract.
+Impact impact_preset(fs_impact kind) noexcept;
 
 // The Coulomb coefficient: `still` where the proxy sticks; less by `drop` once it has slipped for `distance`.
 struct Friction {

@@ -29,6 +29,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   const ServoReader* const servo = evaluated.servo_reader();
   if (!servo) return;
   memory_ = servo->memory;
+  impacts_ = evaluated.servo()->impact_limit();
   used_ = evaluated.objects.rows.used();
   if (servo->budget) sharing_ = servo->budget->sharing();
   if (!servo->newest.read(tick_)) return;
@@ -135,6 +136,7 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
       out.stiffness_wanted = slope_scale * std::fmax(object.law_slope, felt.contact_slope);
     }
     out.texture_lost = 1 - felt.texture_part;
+    out.impact_lost = impact_lost(felt, impacts_, frame_);
     out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * felt.steepest_slope);
   }
   if (sharing_ && slope_scale > 0) {

@@ -75,6 +75,7 @@ class Moment {
   Ref<const Memory> memory_;       // of the servo; null: there is none
   FeltSolids solids_;              // at the last tick
   std::shared_ptr<const Sharing> sharing_;  // null: nobody shares
+  ImpactLimit impacts_;            // of the servo's loop
   TickSample tick_;
   ToolState tool_;                 // where the last tick had it
 };

@@ -16,6 +16,7 @@ class ServoLink {
   virtual double fade() const noexcept = 0;      // s; 0: none
   virtual ClockKind clock() const noexcept = 0;
   virtual double time() const noexcept = 0;      // s, of its newest tick
+  virtual ImpactLimit impact_limit() const noexcept = 0;        // of its loop
   virtual void get_stats(fs_servo_stats& out) const = 0;        // all but struct_size
   virtual void get_device_info(fs_device_info& out) const = 0;  // all but struct_size
   // Adds the recorded ticks with numbers above `after` to out: so many of the oldest at most.

@@ -67,13 +67,16 @@ void Channel::fetch(double now) noexcept {
 
 // state: of the hand, or where the clutch holds the tool; scene frame.
 fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
-                                   Effort& effort) noexcept {
+                                   Effort& effort, ImpactBudget& impacts) noexcept {
   fs_response sum{};
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
   const View& seen = snapshot.views->rows[view];
-  sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
-                      ToolState::at(state, *seen.tool, now, reader_.memory->spread.blend), &effort);
+  ToolState tool = ToolState::at(state, *seen.tool, now, reader_.memory->spread.blend);
+  tool.impacts = &impacts;
+  tool.scale = seen.frame.scale;
+  tool.force_scale = seen.frame.force_scale;
+  sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool, tool, &effort);
   scale(sum, weight);
   if (weight < 1 && sum.felt_count > 0) sum.flags |= FS_RESPONSE_FADING;
   return sum;
@@ -89,7 +92,7 @@ double Channel::part_that_moves(uint32_t view, uint64_t version, bool is_held, d
   return m.part;
 }
 
-fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
+fs_response Channel::evaluate_views(const fs_state& hand, double now, ImpactBudget& impacts) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
   fs_response here{}, device{};
@@ -114,7 +117,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
     const double part = part_that_moves(i, view.version, found.is_held, now);
     if (found.is_held) state.pose = found.tool;
     state.twist = {part * state.twist.linear, part * state.twist.angular};
-    fs_response response = evaluate_view(snapshot, i, state, weight, now, effort);
+    fs_response response = evaluate_view(snapshot, i, state, weight, now, effort, impacts);
     if (k == 0) {
       here = response;
       device = to_device(frame, here);
@@ -153,9 +156,9 @@ void Channel::limit(fs_response& device) noexcept {
   limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
-fs_response Channel::evaluate(const fs_state& hand, double now) noexcept {
+fs_response Channel::evaluate(const fs_state& hand, double now, ImpactBudget& impacts) noexcept {
   fs_response device{};
-  if (!is_bad()) device = evaluate_views(hand, now);
+  if (!is_bad()) device = evaluate_views(hand, now, impacts);
   if (limits_.force < never) limit(device);
   if (weight_ < 1) {
     scale(device, weight_);

@@ -8,6 +8,7 @@
 
 #include "budget/scene_budget.h"
 #include "field/frame.h"
+#include "field/impacts.h"
 #include "scene/local_scene.h"
 
 namespace fs {
@@ -66,7 +67,7 @@ class Channel final : public Counted<Channel> {
   void fetch(double now) noexcept;
 
   // [rt] The scene's response for the hand (device frame), in device axes, within the limits.
-  fs_response evaluate(const fs_state& hand, double now) noexcept;
+  fs_response evaluate(const fs_state& hand, double now, ImpactBudget& impacts) noexcept;
 
   // [rt] Reports the time that evaluate took, s. A scene that makes every tick late on its own is excluded before the
   // guard would stop the force of all scenes.
@@ -82,9 +83,9 @@ class Channel final : public Counted<Channel> {
   void publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept;
 
  private:
-  fs_response evaluate_views(const fs_state& hand, double now) noexcept;
-  fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
-                            Effort& effort) noexcept;
+  fs_response evaluate_views(const fs_state& hand, double now, ImpactBudget& impacts) noexcept;
+  fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now, Effort& effort,
+                            ImpactBudget& impacts) noexcept;
   double part_that_moves(uint32_t view, uint64_t version, bool is_held, double now) noexcept;
   void limit(fs_response& device) noexcept;
   void note_push(const Wrench& wrench) noexcept;

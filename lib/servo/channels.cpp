@@ -34,8 +34,10 @@ void Channels::add(const Ref<Channel>& channel) {
   mailbox_.post(posted_);
 }
 
-fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_anew, double now, double period) noexcept {
+fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_anew, const ImpactLimit& impacts, double now,
+                               double period) noexcept {
   mailbox_.fetch();
+  impacts_.begin(impacts);
   const std::vector<Ref<Channel>>& channels = mailbox_.front()->channels;
   fs_response out{};
   out.proxy = identity_pose();
@@ -47,10 +49,10 @@ fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_
     if (!has_pose) {
       channel.lose_hand(now, hand.flags);
     } else if (i == 0) {
-      out = channel.evaluate(hand, now);  // the servo's own scene
+      out = channel.evaluate(hand, now, impacts_);  // the servo's own scene
     } else {
       const double start = period > 0 ? steady_now() : 0;
-      const fs_response its = channel.evaluate(hand, now);
+      const fs_response its = channel.evaluate(hand, now, impacts_);
       fs::add(out, its);
       const Vec3 at = hand.pose.position;
       if (norm(its.proxy.position - at) > norm(out.proxy.position - at)) out.proxy = its.proxy;

@@ -24,9 +24,10 @@ class Channels {
   void reap();                            // removes the channels that have faded out
 
   // [rt] The tick's: what all scenes together give; of their proxies the one that is farthest from the hand. begins_anew: the
-  // hand was lost for so long that nothing touches it any more. period: s, of the servo, to which the time that each client's
+  // hand was lost for so long that nothing touches it any more. impacts: of the loop. period: s, of the servo, to which the time that each client's
   // scene takes is charged; 0: to none.
-  fs_response evaluate(const fs_state& hand, bool has_pose, bool begins_anew, double now, double period) noexcept;
+  fs_response evaluate(const fs_state& hand, bool has_pose, bool begins_anew, const ImpactLimit& impacts, double now,
+                       double period) noexcept;
   // [rt] The same scenes are told what was sent.
   void publish(const Wrench& sent, uint32_t flags, uint64_t tick) noexcept;
 
@@ -37,6 +38,7 @@ class Channels {
   std::mutex mutex_;
   Ref<const List> posted_;  // null: the servo has been stopped
   Mailbox<Ref<const List>> mailbox_;
+  ImpactBudget impacts_;  // the tick's
 };
 
 }  // namespace fs

@@ -47,6 +47,11 @@ LoopValues LoopOptions::values(const fs_device_info& device) const noexcept {
   const double usual_slew = is_bounded ? slew_speed * all.limit.max_stiffness : never;
   out.slew = slew > 0 ? slew : usual_slew;
   if (is_bounded && slew > 0) out.max_stiffness = std::fmin(out.max_stiffness, slew / slew_speed);
+  if (is_bounded) {
+    const double period = std::fmax(1 / rate, link_period(device));
+    const double slew_for_impacts = out.slew / 4;
+    out.impact = {all.model_stiffness > 0 ? 0 : slew_for_impacts, device.mass > 0 ? device.mass : assumed_mass, 1 / (8 * period)};
+  }
   out.pose_age = std::fmin(0.1, 0.02 + device.delay + link_period(device));
   return out;
 }

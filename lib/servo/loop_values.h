@@ -4,6 +4,8 @@
 
 #include <forceserver/servo.h>
 
+#include "law/impact.h"
+
 namespace fs {
 
 struct LoopValues {
@@ -14,6 +16,7 @@ struct LoopValues {
   double max_stiffness;    // N/m, of objects together; infinite: no limit
   double model_stiffness;  // N/m, the most in a local model; 0: the device renders none
   double slew;             // N/s of the whole force; infinite: no limit
+  ImpactLimit impact;      // of surfaces, at the device
   double pose_age;         // s: if the pose is older, the device counts as lost
   bool operator==(const LoopValues&) const = default;
 };

@@ -266,7 +266,7 @@ void fs_servo::tick(double now, double late) noexcept {
   if (is_known) known_at_ = now;
 
   const double charged = settings_.mode == FS_SERVO_THREAD ? period_ : 0;
-  fs_response response = channels_.evaluate(hand, has_pose, begins_anew, now, charged);
+  fs_response response = channels_.evaluate(hand, has_pose, begins_anew, loop_now_.impact, now, charged);
   Guard::GuardedForce guarded_response = guard_.apply({hand, is_ready, late}, response);
   if (has_stop_begun()) guarded_response = {};
   const Wrench& sent = guarded_response.wrench;

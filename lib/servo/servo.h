@@ -56,6 +56,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   double fade() const noexcept override { return settings_.spread.fade; }  // s; 0: none
   double period() const noexcept { return period_; }                // s
   fs::ClockKind clock() const noexcept override;
+  fs::ImpactLimit impact_limit() const noexcept override { return loop_.values().impact; }
 
   void get_stats(fs_servo_stats& out) const override;        // all but struct_size
   void get_device_info(fs_device_info& out) const override;  // all but struct_size

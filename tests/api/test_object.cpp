@@ -564,6 +564,7 @@ START_TEST(without_a_servo) {
     ck_assert_double_eq(r.distance, infinite);  // nothing is near
     EXPECT_VECTOR(r.wrench.force, (fs_vec3{}), 0);
     ck_assert_double_eq(r.texture_lost, 0);
+    ck_assert_double_eq(r.impact_lost, 0);
     for (double x : r.reserved) ck_assert_double_eq(x, 0);
     const fs_report single = report_of(scene.get(), name.c_str());
     ck_assert_int_eq(std::memcmp(&single, &r, sizeof r), 0);

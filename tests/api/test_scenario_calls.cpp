@@ -43,6 +43,7 @@ START_TEST(reports) {
   EXPECT_VECTOR(r.wrench.force, (fs_vec3{0, 0, -1}), 1e-9);
   EXPECT_VECTOR(r.wrench.torque, (fs_vec3{}), 1e-9);
   ck_assert_double_eq(r.texture_lost, 0);
+  ck_assert_double_eq(r.impact_lost, 0);
   for (double x : r.reserved) ck_assert_double_eq(x, 0);
   EXPECT_VECTOR(w.fake.written.force, (fs_vec3{0, 0, -0.5}), 1e-9);
 
