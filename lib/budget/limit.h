@@ -13,6 +13,7 @@ struct DeviceLimit {
   double lever = never;      // m: a torque about the handle counts as a force on a point so far from it
   double radius = 0, height = 0;  // m, of the device's workspace, a cylinder about z; 0: not known
   double speed = never;      // m/s, the fastest that the hand can be
+  ImpactLimit impact;        // of surfaces, of all scenes together
   bool operator==(const DeviceLimit&) const = default;
 };
 

@@ -11,8 +11,6 @@ namespace {
 
 constexpr double exact_every = 1;  // s
 
-bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 * told; }
-
 Box widened(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
 bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
 double size_of(const Box& box) { return norm(box.upper - box.lower); }
@@ -28,23 +26,50 @@ SceneBudget::SceneBudget(Ref<LocalScene> scene, const ServoReader& reader)
 
 // What is bounded, and changes by more than a tenth, is told of each object: the first time at once, then after 1 s, 2 s, 4 s,
 // up to 32 s. One of which there was nothing to tell for a minute begins anew.
-void SceneBudget::note_slope(const Object& object, double slope, double texture_part, double to_device) {
+void SceneBudget::note(const Object& object, double slope, double texture_part, double impact_lost, double to_device) {
   const bool takes_what_it_gets = object.is_solid() && object.contact.stiffness == 0;
   const bool is_bounded = slope < object.steepest_slope && !takes_what_it_gets;
   const double now = to_device * slope, wanted = to_device * object.steepest_slope;
   auto told = told_.find(object.name);
   if (told == told_.end()) {
-    if (!is_bounded && !takes_what_it_gets) return;
+    if (!is_bounded && !takes_what_it_gets && !(impact_lost > 0)) return;
     told = told_
                .emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets,
-                                                  texture_part})
+                                                  texture_part, 0, impact_lost})
                .first;
   }
   told->second.now = now;
   told->second.wanted = wanted;
   told->second.takes_what_it_gets = takes_what_it_gets;
   told->second.texture_part = texture_part;
-  has_untold_ |= !is_told(told->second.slope, now);
+  told->second.impact_lost_now = impact_lost;
+  has_untold_ |= !told->second.is_told();
+}
+
+std::string SceneBudget::text_of(const Announcement& told) {
+  char text[200];
+  const bool is_bounded = told.now < told.wanted;
+  int size;
+  if (told.takes_what_it_gets) {
+    size = std::snprintf(text, sizeof text, "its contact gets %.4g N/m at the device", told.now);
+  } else if (!is_bounded && told.impact_lost_now > 0) {
+    size = std::snprintf(text, sizeof text, "its slope is %.4g N/m at the device", told.now);
+  } else if (!is_bounded) {
+    size = std::snprintf(text, sizeof text, "its slope is no longer bounded: %.4g N/m at the device", told.now);
+  } else if (told.wanted < never) {
+    size = std::snprintf(text, sizeof text, "its slope is bounded to %.4g N/m at the device, of %.4g", told.now, told.wanted);
+  } else {
+    size = std::snprintf(text, sizeof text, "its force jumps: its slope is bounded to %.4g N/m at the device", told.now);
+  }
+  std::string out(text, static_cast<size_t>(size));
+  const auto add_part = [&](double part, const char* what) {
+    std::snprintf(text, sizeof text, ", with %.0f %% of its %s", 100 * part, what);
+    out += text;
+  };
+  if (told.texture_part < 1) add_part(told.texture_part, "texture's heights");
+  if (told.impact_lost_now >= 1) out += ", without its impact";
+  else if (told.impact_lost_now > 0) add_part(1 - told.impact_lost_now, "impact at 0.3 m/s");
+  return out;
 }
 
 void SceneBudget::tell(double time) {
@@ -58,7 +83,7 @@ void SceneBudget::tell(double time) {
   has_untold_ = false;
   for (auto each = told_.begin(); each != told_.end();) {
     auto& [name, told] = *each++;
-    if (is_told(told.slope, told.now)) continue;
+    if (told.is_told()) continue;
     if (!evaluated_.objects.has(name)) {
       told_.erase(std::prev(each));
       continue;
@@ -72,33 +97,19 @@ void SceneBudget::tell(double time) {
     event.time = time;
     event.value = told.now;
     name.copy(event.name, sizeof event.name - 1);
-    const bool is_bounded = told.now < told.wanted;
-    int size;
-    if (told.takes_what_it_gets) {
-      size = std::snprintf(event.text, sizeof event.text, "its contact gets %.4g N/m at the device", told.now);
-    } else if (!is_bounded) {
-      size = std::snprintf(event.text, sizeof event.text, "its slope is no longer bounded: %.4g N/m at the device", told.now);
-    } else if (told.wanted < never) {
-      size = std::snprintf(event.text, sizeof event.text, "its slope is bounded to %.4g N/m at the device, of %.4g", told.now,
-                           told.wanted);
-    } else {
-      size = std::snprintf(event.text, sizeof event.text, "its force jumps: its slope is bounded to %.4g N/m at the device",
-                           told.now);
-    }
-    if (told.texture_part < 1) {
-      const size_t at = static_cast<size_t>(size);
-      size += std::snprintf(event.text + at, sizeof event.text - at, ", with %.0f %% of its texture's heights",
-                            100 * told.texture_part);
-    }
+    const std::string text = text_of(told);
+    text.copy(event.text, sizeof event.text - 1);
+    const size_t size = std::min(text.size(), sizeof event.text - 1);
     constexpr std::string_view joint = "; it shares with ";
-    const size_t room = sizeof event.text - 1 - static_cast<size_t>(size) - joint.size();
+    const size_t room = sizeof event.text - 1 - size - std::min(joint.size(), sizeof event.text - 1 - size);
     const auto shared = sharing_ ? sharing_->find(name) : Sharing::const_iterator{};
     const std::string with = sharing_ && shared != sharing_->end() ? shared->second.text(room) : "";
     const std::string told_with = with.empty() ? "" : std::string(joint) + with;
-    told_with.copy(event.text + size, sizeof event.text - 1 - static_cast<size_t>(size));
+    told_with.copy(event.text + size, sizeof event.text - 1 - size);
     evaluated_.events.push(event);
     --events_left_;
     told.slope = told.now;
+    told.impact_lost = told.impact_lost_now;
     told.wait = since > 60 ? 1 : std::min(2 * told.wait, 32.0);
     told.time = time;
   }
@@ -247,6 +258,7 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
   Objects& objects = evaluated_.objects;
   if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
+  const fs_frame frame = evaluated_.views.frame();
   bool has_changed = false, wants = false;
   is_rising_ = false;
   try {
@@ -257,7 +269,8 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
       has_changed |= bound.has_changed;
       is_rising_ |= bound.is_rising;
       if (bound.object && !bound.is_rising && limit.to_device > 0) {
-        note_slope(*bound.object, bound.slope, bound.texture_part, limit.to_device);
+        const double lost = impact_lost(*bound.object, seen_.limit.impact, frame);
+        note(*bound.object, bound.slope, bound.texture_part, lost, limit.to_device);
       }
       SharedWith with = one.shared_with;
       const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;

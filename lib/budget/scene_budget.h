@@ -5,6 +5,7 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -41,7 +42,9 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   bool is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const;
   void enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace);
   void note_wanted(double wanted) noexcept;
-  void note_slope(const Object& object, double slope, double texture_part, double to_device);
+  struct Announcement;
+  void note(const Object& object, double slope, double texture_part, double impact_lost, double to_device);
+  static std::string text_of(const Announcement& told);
   void tell(double time);
 
   const Ref<LocalScene> scene_;
@@ -84,6 +87,11 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     double wanted;        // N/m
     bool takes_what_it_gets;
     double texture_part;  // of the heights of its texture
+    double impact_lost;   // of its impact, what was told last,
+    double impact_lost_now;  // and what is to be told
+    bool is_told() const noexcept {
+      return now >= 0.9 * slope && now <= 1.1 * slope && std::fabs(impact_lost_now - impact_lost) < 0.1;
+    }
   };
   NameMap<Announcement> told_;
   size_t most_told_ = 1024;  // when there are more, those of objects that are gone are forgotten

@@ -44,13 +44,9 @@ const std::string& LiveLoop::measure(Device& device, double now) {
 
 DeviceLimit LiveLoop::limit(const fs_device_info& device, double speed) const noexcept {
   const LoopValues loop = values();
-  DeviceLimit out{loop.max_stiffness,
-                  loop.max_stiffness,
-                  loop.object_damping,
-                  never,
-                  device.workspace_radius,
-                  device.workspace_height,
-                  speed};
+  DeviceLimit out{
+      loop.max_stiffness, loop.max_stiffness, loop.object_damping, never, device.workspace_radius, device.workspace_height, speed,
+      loop.impact};
   // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
   // a hand has, or at that of the largest force and torque.
   constexpr double arm = 0.05;  // m

@@ -69,6 +69,7 @@ static Content everything() {
   content.add_shape("solid", make_mesh(sphere_mesh(0.02, 3000)), {0.02, 0, 0}).contact = contact;
   static const Surface rough = [] {
     fs_surface_settings settings = sticky(0.5, 0.2, 1e-3);
+    OK(fs_surface_set_impact(&settings, FS_IMPACT_HARD));
     settings.columns = settings.rows = 2;
     settings.column_width = settings.row_width = 1e-3;
     settings.repeats = true;

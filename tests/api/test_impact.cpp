@@ -294,6 +294,27 @@ START_TEST(what_is_lost_is_told) {
       ck_assert((told.impact_lost > 0) == (gain >= 10));
     }
   }
+  // And in an event.
+  Rig rig("impact");
+  const Surface surface = make_surface(ringing(100, 50, 20));
+  fs_object o = fs_object_init("table", FS_PRIMITIVE_PLANE);
+  o.contact = solid(FS_KEEP_FRONT, 500, 1e6);
+  o.surface = surface.get();
+  OK(fs_object_set(rig.scene.get(), &o));
+  rig.fake.info.mass = 0.3;
+  rig.fake.info.damping = 1;
+  rig.fake.state.pose.position = {0, 0, 0.01};
+  rig.start(protected_options());
+  rig.step(500);
+  const double part = 100 * (1 - report_of(rig.scene.get(), "table").impact_lost);
+  char wanted[80];
+  std::snprintf(wanted, sizeof wanted, "with %.0f %% of its impact at 0.3 m/s", part);
+  fs_event event{};
+  bool is_told = false;
+  while (fs_scene_next_event(rig.scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
+    is_told |= event.kind == FS_EVENT_CAPPED && std::strstr(event.text, wanted);
+  }
+  ck_assert_msg(is_told, "no event says \"%s\"", wanted);
   // Without the bounds all of it is felt; its object says so in the flags of the response else.
   fs_report told;
   const std::vector<double> raw = struck({0.3, 1000, 0}, ringing(1000, 50, 1), 0.3, told, 1, false);

@@ -6,6 +6,7 @@
 //   its own limit, as the others then hold what it held before;
 // - for the ways that the hand and the solids make in the tick: stiffness times way, summed over solids and points, twice,
 //   as a proxy in a corner goes farther than what pushes it;
+// - for impacts: how steep they are at the fastest approach;
 // - where something moves, so that a proxy may fall from an edge: a jump of 2 F, which is spread over 20 ms. The same for a
 //   contact that gets another stiffness, friction or limit, or keeps another side.
 // With profiles the servo bounds all slopes, and may lower or raise a bound at any time: that is blended.
@@ -27,6 +28,7 @@ struct Solid {
   fs_twist twist{};
   double largest_limit = 0;  // N, that its contact has had,
   double steepest = 0;       // and the steepest slope, N/m, on one point of the tool
+  double ringing = 0;        // N/s for each m/s of approach, the steepest of its impacts
   bool is_moving() const { return norm(twist.linear) > 0 || norm(twist.angular) > 0; }
 };
 
@@ -58,6 +60,7 @@ struct Play {
   double fade = 0;
   uint32_t points = 1;
   bool is_blended = false;    // else another side to keep takes effect at once
+  bool has_impacts = false;
   bool has_profiles = false;  // and the servo bounds all slopes, else a profile at an edge jumps
   double rendered = 0;        // N/m, that the servo can render, if it bounds slopes
   int name_changes = 0, until_faded = 0, until_spread = 0;  // ticks
@@ -70,6 +73,7 @@ struct Play {
     fake.info.torque_max = 1e6;
     fake.info.damping = 10;  // so that the servo adds none, by which a hand that starts at once feels a step
     fake.state.pose = at(random.in_box(0.02));
+    has_impacts = relief.coin(0.3);
     points = random.coin() ? 1 : static_cast<uint32_t>(1 + random.below(random.coin(0.8) ? 6 : 32));
     set_tool();
     shapes.push_back(make_mesh(box_mesh({size, size, size})));
@@ -143,7 +147,14 @@ struct Play {
       settings.column_width = settings.row_width = relief.log_between(5e-4, 5e-3);
       for (int i = 0; i < 64; ++i) heights.push_back(-relief.between(0, 0.2) * settings.column_width);
     }
-    if (!sticks && !is_rough) return;
+    const bool rings = has_impacts && relief.coin();
+    if (rings) {
+      settings.impact_gain = relief.log_between(0.01, 0.3);
+      settings.impact_frequency = relief.log_between(10, 100);
+      settings.impact_decay = relief.log_between(5, 200);
+      s.ringing = std::max(s.ringing, settings.impact_gain * 2 * std::numbers::pi * settings.impact_frequency);
+    }
+    if (!sticks && !is_rough && !rings) return;
     surfaces.push_back(is_rough ? make_texture(settings, heights) : make_surface(settings));
     s.object.surface = surfaces.back().get();
   }
@@ -233,15 +244,18 @@ struct Play {
         if (random.coin(0.01)) hand_goes = random.coin(0.3) ? fs_vec3{} : random.between(0, 0.2) * random.direction();
         if (norm(fake.state.pose.position) > size) hand_goes = -0.1 * unit(fake.state.pose.position);
         fake.state.pose.position = fake.state.pose.position + dt * hand_goes;
+        fake.state.twist.linear = hand_goes;
         if (norm(hand_goes) > 0) until_spread = std::max(until_spread, 60);
       }
       require(fs_servo_step(servo.get(), 1), "fs_servo_step");
       force = slope = 0;
+      double ringing = 0;  // N
       double sum_of_ways = 0, largest = 0;  // m, N
       for (const Solid& s : solids) {
         force += s.largest_limit + s.object.front.limit;
         largest = std::max(largest, s.largest_limit + s.object.front.limit);
         slope += s.steepest * points + rendered;
+        ringing += s.ringing * 2 * dt;  // struck again while it rings, at 1 m/s each
         // A solid that is blended goes faster for a while.
         const double way = dt * (norm(s.twist.linear) + 2 * size * norm(s.twist.angular));
         sum_of_ways += 3 * way;
@@ -252,7 +266,7 @@ struct Play {
         until_stopped = 25;
       }
       const double way = norm(fake.state.pose.position - hand);
-      const double by_ways = 2 * slope * (way + solid_way) * (1 + 1e-6) + 1e-6;
+      const double by_ways = 2 * slope * (way + solid_way) * (1 + 1e-6) + 1e-6 + ringing;
       const double explained = 2 * force * name_changes * dt / fade * (1 + 1e-6) + by_ways;
       felt.push_back({fake.written.force, by_ways, 4 * largest * dt / fade});
       const bool is_any_spread = until_spread > 0 || has_profiles;

@@ -558,6 +558,78 @@ void texture(Report& report, const std::string& folder) {
   }
 }
 
+// ---- 12: an impact gives the hand more speed than it came with.
+void impact(Report& report, const std::string& folder) {
+  report.title("12: a table of 80 N/m with an impact of 200 N s/m at 30 Hz; a released handle of 50 g of weight falls on it, no friction");
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.impact_gain = 200;
+  settings.impact_frequency = 30;
+  settings.impact_decay = 30;
+  const Surface surface = make_surface(settings);
+  for (const double rate : {500.0, 1000.0, 4000.0}) {
+    for (const double delay : {0.0, 0.002, 0.005, 0.02}) {
+      double lost = 0;
+      const auto run = [&](bool is_cured, bool has_impact) {
+        DeviceModel device = with_delay(delay);
+        device.friction = 0;
+        device.damping = 3;
+        device.rate = rate;
+        Rig rig(device, released);
+        rig.plant.push = {0, 0, -0.5};
+        fs_object table = plane("table", {}, {});
+        table.contact.keep = FS_KEEP_FRONT;
+        table.contact.stiffness = 80;
+        table.contact.limit = 20;
+        table.surface = has_impact ? surface.get() : nullptr;
+        rig.set(table);
+        fs_servo_options servo = options(is_cured);
+        servo.rate = rate;
+        const Rest r = rest(rig, servo, {0, 0, 0.02}, {0, 0, 0.02}, along_z);
+        fs_report told;
+        require(fs_scene_get_report(rig.scene.get(), "table", &told), "fs_scene_get_report");
+        lost = told.impact_lost;
+        return r;
+      };
+      const Rest raw = run(false, true), without = run(false, false), cured = run(true, true);
+      const std::string at = format("%g_Hz_%g_ms", rate, 1e3 * delay);
+      report.check("12/raw/" + at, raw.motion.lasts() && without.is_still(),
+                   format("bounces without end: %.1f mm p-p; without the impact %.3f mm", raw.swing(), without.swing()));
+      report.check("12/cured/" + at, cured.is_still() && lost > 0 && lost < 1,
+                   format("bounded to %.2f %% it rests: %.3f mm p-p", 100 * (1 - lost), cured.swing()));
+      if (rate == 1000) write(folder, format("12_impact_%g_ms", 1e3 * delay), "position mm", raw.curve, cured.curve);
+    }
+  }
+}
+
+// ---- 13: a light hand is pulled along a surface that sticks and slips; then it stops.
+void stick_slip(Report& report, const std::string& folder) {
+  report.title("13: a light hand is pulled by 40 mm over a surface of 0.8 and 0.3, pressed with 2 N, no friction of the device");
+  const Surface surface = make_surface(sticky(0.8, 0.3, 0));
+  for (const double delay : {0.0, 0.002, 0.01}) {
+    const auto run = [&](bool is_cured) {
+      DeviceModel device = with_delay(delay);
+      device.friction = 0;
+      Rig rig(device, light);
+      fs_object table = plane("table", {}, {});
+      table.contact.keep = FS_KEEP_FRONT;
+      table.contact.stiffness = 5000;
+      table.contact.limit = 20;
+      table.surface = surface.get();
+      rig.set(table);
+      const double down = -0.02;
+      return rest(rig, options(is_cured), {0, 0, down}, {0.04, 0, down}, [](fs_vec3 x) { return x.x; }, 2);
+    };
+    const Rest raw = run(false), cured = run(true);
+    const bool is_too_stiff = delay > 0;
+    report.check(format("13/raw/%g_ms", 1e3 * delay), raw.motion.lasts() == is_too_stiff,
+                 format("5000 N/m %s: %.2f mm p-p", is_too_stiff ? "shake" : "rest", raw.swing()));
+    // It has slipped, and sticks before the hand is where it wants to be.
+    report.check(format("13/cured/%g_ms", 1e3 * delay), cured.is_still() && cured.last > 0.02 && cured.last < 0.04,
+                 format("slips to %.1f mm, where it sticks: %.3f mm p-p", millimetres * cured.last, cured.swing()));
+    write(folder, format("13_stick_slip_%g_ms", 1e3 * delay), "position mm", raw.curve, cured.curve);
+  }
+}
+
 }  // namespace
 
 void run_failures(Report& report, const std::string& folder) {
@@ -572,6 +644,8 @@ void run_failures(Report& report, const std::string& folder) {
   clipped_motors(report, folder);
   overlapping(report, folder);
   texture(report, folder);
+  impact(report, folder);
+  stick_slip(report, folder);
 }
 
 }  // namespace stability

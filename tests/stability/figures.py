@@ -117,8 +117,10 @@ def draw_failures():
         ("9", "9: 40 N wanted at the edge of a DELTA, each motor clipped", None),
         ("10_overlapping_4", "10: four attractors of 2000 N/m, delay 2 ms", None),
         ("11_texture_2_ms", "11: ridges of +-0.1 mm, 1 mm apart, delay 2 ms (across them)", None),
+        ("12_impact_2_ms", "12: impact of 200 N s/m, a handle that falls, delay 2 ms", None),
+        ("13_stick_slip_2_ms", "13: stick and slip at 5000 N/m, delay 2 ms (along the surface)", None),
     ]
-    figure, panels = pyplot.subplots(len(rows), 2, figsize=(9, 23), constrained_layout=True)
+    figure, panels = pyplot.subplots(len(rows), 2, figsize=(9, 27), constrained_layout=True)
     for (raw, cured), (name, title, window) in zip(panels, rows):
         raw.set_title(title + (": raw" if name != "9" else ""), fontsize=8)
         cured.set_title("with the default options", fontsize=8)

@@ -237,6 +237,7 @@ class Player {
       fs_surface_settings settings = fs_surface_settings_init();
       settings.static_friction = step.at("static"), settings.dynamic_friction = step.at("dynamic");
       settings.slip_distance = step.at("distance");
+      if (step.contains("impact")) check(fs_surface_set_impact(&settings, step["impact"].get<fs_impact>()));
       fs_surface* surface;
       if (step.contains("heights")) {
         const std::vector<double> heights = step["heights"];
@@ -326,7 +327,7 @@ class Player {
         size_t count = 0;
         const double* const heights = fs_surface_get_heights(o.surface, &count);
         for (size_t i = 0; i < count; ++i) give(heights[i]);
-        give(settings.column_width);
+        give(settings.column_width), give(settings.impact_gain), give(settings.impact_frequency), give(settings.impact_decay);
       }
       fs_object_release(&o);
     } else if (verb == "motions") {
