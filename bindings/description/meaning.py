@@ -36,7 +36,7 @@ UNITS = {
         "1/s": "impact_decay",
     },
     "fs_frame": {"": "scale force_scale"},
-    "fs_view": {"": "points"},
+    "fs_view": {"": "points", "m": "point_radius"},
     "fs_report": {"N/m": "stiffness_wanted stiffness_applied", "m": "distance", "": "weight point texture_lost impact_lost"},
     "fs_motion": {"s": "time horizon"},
     "fs_event": {"s": "time", "": "value"},

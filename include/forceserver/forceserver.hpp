@@ -164,6 +164,12 @@ class Scene : public std::unique_ptr<fs_scene, GiveBack<fs_scene_destroy>> {
       return fs_scene_get_tool(get(), out, capacity, count);
     });
   }
+  void set_tool_radius(double radius) const { throw_on_error(fs_scene_set_tool_radius(get(), radius)); }
+  double get_tool_radius() const {
+    double out{};
+    throw_on_error(fs_scene_get_tool_radius(get(), &out));
+    return out;
+  }
   fs_view get_view(const char* client = nullptr) const {
     fs_view out{};
     throw_on_error(fs_scene_get_view(get(), client, &out));

@@ -212,6 +212,17 @@ FS_API fs_status fs_scene_set_tool(fs_scene *scene, const fs_vec3 *points, size_
 /* The tool's points, a list. */
 FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacity, size_t *count);
 
+/* Sets the radius of the tool's points, m of the scene, >= 0; 0 (default): they are points. With a radius r each is a
+ * ball: a profile is felt at f(max(0, d - r), t), where d is the distance from the middle of the ball to the object, and
+ * a solid plane holds the ball, so that its middle stays r away from the plane. Its texture is felt where the ball
+ * touches the plane. A solid mesh cannot hold a ball: while the radius is above 0 no object can be a solid mesh, and while one is,
+ * the radius stays 0 (UNSUPPORTED). It holds for all tools of the scene, those of one's own (evaluate.h) too; fields have
+ * none. Another radius is another version, as another tool is; a tool of one's own then begins anew. */
+FS_API fs_status fs_scene_set_tool_radius(fs_scene *scene, double radius);
+
+/* The radius of the tool's points, m. */
+FS_API fs_status fs_scene_get_tool_radius(fs_scene *scene, double *out);
+
 /* Where the tool of a scene is, with all that is needed to draw it. Frozen. */
 typedef struct fs_view {
   fs_frame frame;               /* as fs_scene_get_frame gives it */
@@ -222,7 +233,8 @@ typedef struct fs_view {
   bool held;                    /* the clutch is held */
   bool locked;                  /* connected: the server is `locked`, so other clients' objects cannot be changed */
   uint8_t reserved_8[2];        /* 0 */
-  double reserved[4];           /* 0 */
+  double point_radius;          /* m, of each point */
+  double reserved[3];           /* 0 */
 } fs_view;
 
 /* Frame, clutch and tool, all of one instant. client: in a connected scene, the client that they belong to ("server":

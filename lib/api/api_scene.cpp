@@ -119,6 +119,7 @@ fs_status fs_scene_save(fs_scene* scene, const char* path) {
     description.objects = contents.objects;
     description.frame = contents.frame;
     description.tool = contents.tool;
+    description.tool_radius = contents.tool_radius;
     write_scene_file(path, description, time_of(*scene));
   });
 }
@@ -128,7 +129,7 @@ fs_status fs_scene_load(fs_scene* scene, const char* path) {
     require_pointer(path, "path");
     const SceneDescription description = read_scene_file(path, time_of(*scene));
     try {
-      scene->set_contents(description.objects, description.frame, description.tool);
+      scene->set_contents(description.objects, description.frame, description.tool, description.tool_radius);
     } catch (Error& error) {
       error.text = std::string(path) + ": " + error.text;
       throw;
@@ -176,6 +177,17 @@ fs_status fs_scene_set_tool(fs_scene* scene, const fs_vec3* points, size_t count
   return on_scene(scene, [&] {
     require_pointer(points, "points");
     scene->set_tool(points, count);
+  });
+}
+
+fs_status fs_scene_set_tool_radius(fs_scene* scene, double radius) {
+  return on_scene(scene, [&] { scene->set_tool_radius(radius); });
+}
+
+fs_status fs_scene_get_tool_radius(fs_scene* scene, double* out) {
+  return on_scene(scene, [&] {
+    require_pointer(out, "out");
+    *out = scene->get_tool_radius();
   });
 }
 

@@ -18,7 +18,8 @@ SceneLimit scene_limit(const Views& views, const DeviceLimit& limit, double max_
     out.points = std::max(out.points, static_cast<unsigned>(view.tool->points.size()));
     double arm = 0;
     for (const Vec3& point : view.tool->points) arm = std::max(arm, norm(point));
-    out.arm = std::max(out.arm, arm);
+    const double reach = arm + view.tool->point_radius;
+    out.arm = std::max(out.arm, reach);
     if (arm / frame.scale > limit.lever) lever_part = std::min(lever_part, std::pow(limit.lever * frame.scale / arm, 2));
     if (view.was_held || !view.has_own_frame) is_anywhere = true;
     const double margin = 1.2;
@@ -26,8 +27,8 @@ SceneLimit scene_limit(const Views& views, const DeviceLimit& limit, double max_
       const Vec3 device{margin * (corner & 1 ? 1 : -1) * limit.radius, margin * (corner & 2 ? 1 : -1) * limit.radius,
                         margin * (corner & 4 ? 0.5 : -0.5) * limit.height};
       const Vec3 place = frame.scale * to_local(frame.pose, device);
-      out.within.add(place - Vec3{arm, arm, arm});
-      out.within.add(place + Vec3{arm, arm, arm});
+      out.within.add(place - Vec3{reach, reach, reach});
+      out.within.add(place + Vec3{reach, reach, reach});
     }
   }
   if (is_anywhere) out.within = {};

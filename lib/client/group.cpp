@@ -103,7 +103,7 @@ void Group::add_frame() { batch.add(wire::type_frame, wire::Frame{replica_.scene
 
 void Group::add_tool() {
   const std::vector<Vec3> points = replica_.scene->get_tool();
-  wire::Tool tool{points.size(), {}};
+  wire::Tool tool{replica_.scene->get_tool_radius(), points.size(), {}};
   std::copy(points.begin(), points.end(), tool.points);
   batch.add(wire::type_tool, tool);
 }

@@ -182,7 +182,8 @@ Scene::Contents RemoteScene::contents() {
   return out;
 }
 
-void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) {
+void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool,
+                               double tool_radius) {
   std::vector<std::string> names;
   for (const fs_object& object : objects) {
     require_known(object, connection_.sizes());
@@ -192,7 +193,7 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
     group.require_room(names, 2);
-    replica_.scene->set_contents(objects, frame, tool);
+    replica_.scene->set_contents(objects, frame, tool, tool_radius);
     for (const std::string& name : names) group.add_object(wire::type_set, name.c_str(), all_parts);
     group.add_frame();
     group.add_tool();
@@ -261,6 +262,20 @@ void RemoteScene::set_tool(const Vec3* points, size_t count) {
     replica_.scene->set_tool(points, count);
     group.add_tool();
   });
+}
+
+void RemoteScene::set_tool_radius(double radius) {
+  Call call = line_.enter();
+  mutate(call, [&](Group& group) {
+    replica_.scene->set_tool_radius(radius);
+    group.add_tool();
+  });
+}
+
+double RemoteScene::get_tool_radius() {
+  Call call = line_.enter();
+  pulls_.catch_up(call, "");
+  return replica_.scene->get_tool_radius();
 }
 
 void RemoteScene::set_clutch(bool held) {

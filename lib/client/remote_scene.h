@@ -32,7 +32,8 @@ struct RemoteScene final : Scene {
   void clear() override;
   Ref<const Object> get(const char* name, fs_object& out) override;
   Contents contents() override;
-  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) override;
+  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool,
+                    double tool_radius) override;
 
   void begin() override;
   void commit() override;
@@ -44,6 +45,8 @@ struct RemoteScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  void set_tool_radius(double radius) override;
+  double get_tool_radius() override;
   fs_view view(const char* client) override;
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;

@@ -113,14 +113,16 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                           const ToolState& tool, Effort* effort) noexcept {
   Proxies* const proxies = memory.proxies();
   const double reach = proxies ? proxies->reach(view, what) : 0;  // a proxy may be that far from its point
-  memory.look(view, what, tool.pose * points.centre, points.radius + reach, tool.time);
+  memory.look(view, what, tool.pose * points.centre, points.radius + tool.radius + reach, tool.time);
   LaneSum sum;
   ClosestPoints closest_points;
   fs_response out{};
   out.error_bound = memory.omitted();
   const double point_weight = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near, const Weight* given) {
-    const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
+    // Points that are balls are evaluated one by one.
+    const bool is_any_ball = tool.radius > 0;
+    const uint64_t points_near = is_any_ball ? 0 : chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, point_weight, sum);
@@ -145,7 +147,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                         .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
-    const uint64_t rows_near = near & ~points_near & (chunk.rows->by_closest_point | chunk.rows->points());
+    const uint64_t rows_near = is_any_ball ? 0 : near & ~points_near & (chunk.rows->by_closest_point | chunk.rows->points());
     for_each_bit(rows_near, [&](uint32_t i) {
       const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;

@@ -74,18 +74,24 @@ void Impacts::feel(const Impacts* last, double step, std::span<const Source> sou
   };
   for (uint32_t i = 0; last && i < last->count_; ++i) {
     One one = last->all_[i];
+    const auto heir_of = [&](uint64_t version) {
+      const auto found = std::ranges::find(sources, version, &Source::takes_over);
+      return found == sources.end() ? nullptr : &*found;
+    };
     const Source* source = source_of(one.version);
-    if (!source) {
-      const auto heir = std::ranges::find(sources, one.version, &Source::takes_over);
-      if (heir != sources.end()) source = &*heir, one.version = heir->version;
+    if (!source) source = heir_of(one.version);
+    if (source) {  // the version in which it began, and those that take over its weight
+      one.version = source->version;
+      one.weight = 0;
+      for (const Source* s = source; s; s = heir_of(s->version)) one.weight += s->weight;
     }
-    if (source) one.weight = source->weight;
     one.now.go_on(one.impact, step);
     if (one.now.is_over()) one.now = {}, one.is_bounded = false;
     one.free += step;
     one.age += step;
-    const bool is_far = !source || one.point >= tool.count ||
-                        (one.free >= free_for && !is_near(*source, tool.points[one.point].position, free_way * tool.scale));
+    const bool is_far =
+        !source || one.point >= tool.count ||
+        (one.free >= free_for && !is_near(*source, tool.points[one.point].position, tool.radius + free_way * tool.scale));
     one.is_armed |= one.free >= free_for && is_far;
     if (!one.is_armed || !one.now.is_over()) all_[count_++] = one;
   }

@@ -35,6 +35,7 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
   tool.count = static_cast<unsigned>(points.points.size());
   tool.time = time;
   tool.blend = blend;
+  tool.radius = points.point_radius;
   for (size_t i = 0; i < tool.count; ++i) {
     const Vec3 arm = rotate(state.pose.orientation, points.points[i]);
     tool.points[i] = {state.pose.position + arm, state.twist.linear + cross(state.twist.angular, arm), arm};
@@ -52,9 +53,10 @@ Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) noexc
   return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
 }
 
-double error_of(const Object& object, const Effort& effort) noexcept {
-  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
-                               most_between(object.law.back, effort.least, object.law.support));
+double error_of(const Object& object, const Effort& effort, double radius) noexcept {
+  const double least = std::max(0.0, effort.least - radius);
+  const double most = std::max(most_between(object.law.front, least, object.law.support),
+                               most_between(object.law.back, least, object.law.support));
   return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
 }
 
@@ -63,7 +65,7 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
                        ObjectForce& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
-  const Intensity g = object.law.at(s, t, parsers);
+  const Intensity g = object.law.at(s, t, parsers, tool.radius);
   if (g.force == 0 && g.slope == 0) return;
 
   const double outward = closest.side == Side::back ? -g.force : g.force;
@@ -97,8 +99,8 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
                      ObjectForce& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.support();
-  if (mask == 0 || !(support >= 0)) return false;
+  const double support = object.support() + tool.radius;
+  if (mask == 0 || !(object.support() >= 0)) return false;
   const double point_weight = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time, tool.blend);
   Pose pose;
@@ -116,10 +118,10 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     if (!is_found && !is_cut) return;
     if (!is_near) out = {};
     is_near = true;
-    if (is_cut) out.error += point_weight * error_of(object, *effort);
+    if (is_cut) out.error += point_weight * error_of(object, *effort, tool.radius);
     if (!is_found) return;
-    if (closest.distance < out.distance) {
-      out.distance = closest.distance;
+    if (const double gap = std::max(0.0, closest.distance - tool.radius); gap < out.distance) {
+      out.distance = gap;
       out.point = pose * closest.point;
     }
     if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;

@@ -19,6 +19,7 @@ struct ToolState {
   };
   std::array<Point, FS_TOOL_POINTS_MAX> points;
   unsigned count;
+  double radius = 0;           // m, of each point
   double time;                 // s, scene time
   bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
   double blend = 0;            // s, over which a servo spreads moves; 0: they are felt at once
@@ -65,7 +66,7 @@ Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) noexc
 Mat3 rotated(const Quat& by, const Mat3& m) noexcept;  // [rt]
 // [rt] A bound of |force - exact force|, N, on a tool point for which the search was cut: the direction is not
 // known, and of the distance only a lower bound.
-double error_of(const Object& object, const Effort& effort) noexcept;
+double error_of(const Object& object, const Effort& effort, double radius = 0) noexcept;
 
 // [rt] Adds the force that an object's profiles give one tool point, times `point_weight`. closest: of the object, in its own frame;
 // pose: of the object; t: s, of the profiles; x: the tool point in the object's frame. slope, hint, effort: see evaluate_object.

@@ -26,10 +26,11 @@ bool keeps(const fs_contact& contact, Side side) noexcept {
   return contact.keep == FS_KEEP_EITHER || (contact.keep == FS_KEEP_BACK) == (side == Side::back);
 }
 
-bool has_free_way(const Touch& touch, const Object& object, Vec3 place, uint32_t* visits) noexcept {  // in the last tick
+bool has_free_way(const Touch& touch, const Object& object, Vec3 place, double radius,
+                  uint32_t* visits) noexcept {  // in the last tick
   Crossing crossing;
-  return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), crossing,
-                         visits);
+  return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), radius,
+                         crossing, visits);
 }
 
 }  // namespace
@@ -91,6 +92,16 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
     return is_found;
   };
   const double margin = margin_at(solid.pose, touch.at, touch.at);
+  if (tick.tool.radius > 0 && object.primitive == FS_PRIMITIVE_PLANE) {
+    if (keeps_either) touch.side = touch.at.z < 0 ? Side::back : Side::front;
+    const double sign = touch.side == Side::front ? 1 : -1;
+    if (sign * touch.at.z > tick.tool.radius + margin) return true;
+    touch.at.z = sign * (tick.tool.radius + margin);
+    const Vec3 begins_at = solid.pose * touch.at;
+    if (!proxy_.is_free_to(begins_at)) return false;
+    proxy_.at = begins_at;
+    return true;
+  }
   if (!find(touch.at, keeps_either || is_closed ? never : margin)) return true;
   if (keeps_either) touch.side = closest.side;
   const bool is_at_surface = closest.distance <= margin;
@@ -164,7 +175,7 @@ bool PointProxies::gather(const Point& point) noexcept {
     const Object& object = *solids[i].object;
     if (before_[i].is_done || before_[i].left || (i != first && !can_share(object, *solids[first].object))) return;
     const bool is_apart = i != first && before && !(before->proxy == known->proxy);
-    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.visits))) return;
+    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.radius, proxy_.visits))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
     if (touch && before) *touch = *before;
     if (touch && is_apart) touch->at = to_local(before->pose, known->proxy);
@@ -352,13 +363,13 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     if (object.primitive == FS_PRIMITIVE_PLANE) {
       place = to_local(solid.pose, point.at().position);
       away = {0, 0, side == Side::front ? 1.0 : -1.0};
-      is_on_surface = !(dot(away, place) > 0);
+      is_on_surface = !(dot(away, place) > tool.radius);
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
     ObjectForce got;
     const auto find = [&](Vec3 x, double range, Closest& out) {
       const bool is_found = find_closest(object, x, range, slope, out, hint, effort);
-      if (effort && effort->is_cut) got.error += point_weight * error_of(object, *effort);
+      if (effort && effort->is_cut) got.error += point_weight * error_of(object, *effort, tool.radius);
       return is_found;
     };
     // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
@@ -379,7 +390,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       closest.direction = away;
       closest.feature = Feature::face;
     } else {
-      is_felt = find(place, support, closest);
+      is_felt = find(place, support + tool.radius, closest);
     }
     if (is_felt) {
       add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool, solid.parsers,
@@ -395,6 +406,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
 void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_layer, Layer& layer, Gain& out) noexcept {
   const Point point{tick, number, before_layer, layer};
   proxy_.visits = tick.effort ? &tick.effort->ways : nullptr;
+  proxy_.radius = tick.tool.radius;
   for (uint32_t i = 0; i < tick.solids.size(); ++i) {
     Solid& solid = tick.solids[i];
     Before& before = before_[i];

@@ -16,13 +16,13 @@ bool are_equal(const Pose& a, const Pose& b) noexcept {
 }
 
 // The plane of one member that stops its proxy on the way to a place; place: where, scene frame; part: of the way.
-bool find_plane(const Member& member, Vec3 to, uint32_t* visits, Plane& out, Vec3& place, double& part) noexcept {
+bool find_plane(const Member& member, Vec3 to, double radius, uint32_t* visits, Plane& out, Vec3& place, double& part) noexcept {
   const Solid& solid = *member.solid;
   const Vec3 local = to_local(solid.pose, to);
   if (local == member.touch->at) return false;
   Crossing crossing;
-  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local, crossing,
-                      visits)) {
+  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local, radius,
+                      crossing, visits)) {
     return false;
   }
   part = crossing.part;
@@ -50,7 +50,7 @@ bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place, double& least) const noex
     Plane plane;
     Vec3 here;
     double part;
-    if (!find_plane(members[i], to, visits, plane, here, part) || !(part < least)) continue;
+    if (!find_plane(members[i], to, radius, visits, plane, here, part) || !(part < least)) continue;
     least = part;
     out = plane;
     out.member = i;
@@ -73,7 +73,7 @@ bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
     Plane plane;
     Vec3 there;
     double part;
-    if (i != except && find_plane(members[i], place, visits, plane, there, part)) return false;
+    if (i != except && find_plane(members[i], place, radius, visits, plane, there, part)) return false;
   }
   return true;
 }
@@ -123,7 +123,10 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
       is_good &= pushed[i] >= 0;
       push += pushed[i] * planes[index[i]].normal;
     }
-    for (uint32_t i = 0; i < count; ++i) is_good &= dot(planes[i].normal, push) >= depth[i] - margin;
+    for (uint32_t i = 0; i < count; ++i) {
+      const double rounding = margin + 1e-14 * std::fabs(depth[i]);  // a unit vector is one within rounding
+      is_good &= dot(planes[i].normal, push) >= depth[i] - rounding;
+    }
     if (!is_good || !(norm(push) < most)) continue;
     most = norm(push);
     best = set;
@@ -183,7 +186,7 @@ Press Proxy::press_at(Vec3 hand, Vec3 place) const noexcept {
   const Texture* const texture = solid.object->texture();
   if (!texture) return out;
   const double part = solid.object->texture_part;
-  const Texture::Sample sample = texture->at(to_local(solid.pose, place));
+  const Texture::Sample sample = texture->at(to_local(solid.pose, place - radius * out.normal));
   out.depth = std::max(0.0, out.depth + part * sample.height);
   out.slope = along(rotate(solid.pose.orientation, part * sample.slope));
   Mat3 flat = identity();  // projects on the surface
@@ -386,7 +389,7 @@ uint32_t Proxy::split() noexcept {
     Plane plane;
     Vec3 place;
     double part;
-    if (!find_plane(members[i], to, visits, plane, place, part)) {
+    if (!find_plane(members[i], to, radius, visits, plane, place, part)) {
       ++i;
       continue;
     }

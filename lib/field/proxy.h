@@ -107,6 +107,7 @@ struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;
   Vec3 at{};              // m, scene frame
+  double radius = 0;      // m, of the ball about it that planes hold
   Vec3 held{};            // m, how far friction holds it back
   bool is_stuck = false;  // by friction
   uint32_t* visits = nullptr;  // that are left for tests of ways; null: without end

@@ -149,7 +149,8 @@ void Chunk::drop(uint32_t i) noexcept {
   move_box(before, {});
 }
 
-ToolPoints::ToolPoints(std::vector<Vec3> the_points) : points(std::move(the_points)) {
+ToolPoints::ToolPoints(std::vector<Vec3> the_points, double the_point_radius)
+    : points(std::move(the_points)), point_radius(the_point_radius) {
   Vec3 sum{};
   for (const Vec3& p : points) sum += (1.0 / static_cast<double>(points.size())) * p;
   centre = sum;

@@ -65,7 +65,7 @@ struct CapLanes {
 
   void set(uint32_t i, const Cap& cap) noexcept {
     slope[i] = cap.slope;
-    rise[i] = cap.rise;
+    rise[i] = std::fmin(cap.rise, cap.across);
     fall[i] = cap.fall;
     bend[i] = cap.bend;
     bend_force[i] = cap.bend_force;
@@ -178,9 +178,10 @@ struct ToolPoints : Counted<ToolPoints> {
   std::vector<Vec3> points{{0, 0, 0}};  // m, scene; frame of the handle
   Vec3 centre{};  // m, of a sphere that holds them,
   double radius = 0;  // and its radius
+  double point_radius = 0;  // m, of the ball that each point is
 
   ToolPoints() = default;
-  explicit ToolPoints(std::vector<Vec3> points);
+  explicit ToolPoints(std::vector<Vec3> points, double point_radius = 0);
 };
 
 struct View : Version {

@@ -20,6 +20,7 @@ struct SceneDescription {
   std::vector<Ref<const Surface>> surfaces;
   fs_frame frame;
   std::vector<Vec3> tool;
+  double tool_radius = 0;
 };
 
 // Meshes are written beside the scene file as PLY, one file for each shape however many objects use it, named after its

@@ -160,6 +160,7 @@ class SceneReader {
         fail_at(FS_ERROR_PARSE, path_, "\"tool\" has %zu points, must have 1..%d", scene_.tool.size(), FS_TOOL_POINTS_MAX);
       }
     }
+    fields.read("tool_radius", scene_.tool_radius);
     if (const Json* shapes = fields.find("shapes")) {
       read_all(*shapes, "shapes", "shape", shapes_, [this](Fields& f) { return read_shape(f); });
     }

@@ -205,6 +205,7 @@ class SceneWriter {
     for (const Vec3& point : scene.tool) tool.push_back(to_json(point));
     for (const fs_object& object : scene.objects) objects.push_back(write(object));
     add(out, "tool", std::move(tool));
+    put(out, "tool_radius", scene.tool_radius);
     put(out, "shapes", std::move(shapes_));
     put(out, "curves", std::move(curves_));
     put(out, "surfaces", std::move(surfaces_));

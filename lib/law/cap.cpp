@@ -84,17 +84,25 @@ void Cap::follow(const ScaledCurve& p, double reach) {
   knots = std::move(found);
 }
 
-Intensity Cap::lower(const ScaledCurve& p, Curve::Parser* parser, double d, double t, Intensity raw) const noexcept {
+Intensity Cap::lower(const ScaledCurve& p, Curve::Parser* parser, double d, double t, Intensity raw,
+                     double radius) const noexcept {
   if (!(raw.force > 0)) return {};
   Felt<double> f{raw.force, raw.slope, true};
+  const double gap = std::fmax(0, d - radius);
   if (spacing > 0) {
-    cut_now(f, p, parser, d, t, *this);
+    cut_now(f, p, parser, gap, t, *this);
   } else if (!knots.empty()) {
-    cut_at_knots(f, knots, d, slope);
+    cut_at_knots(f, knots, gap, slope);
   }
-  cut_at_bend(f, true, d, bend, bend_force, bend_slope);
-  cut_at_rise(f, true, d, rise, slope);
-  cut_at_fall(f, true, d, fall, slope);
+  cut_at_bend(f, true, gap, bend, bend_force, bend_slope);
+  cut_at_rise(f, true, gap, rise, slope);
+  cut_at_fall(f, true, gap, fall, slope);
+  if (d < radius) {  // f(0), lowered to what it may rise from where the ball only touches
+    const double most = f.force + slope * (radius - d);
+    f = {raw.force, 0, true};
+    cut(f, true, most, -slope);
+  }
+  cut_at_rise(f, true, d, std::fmin(across + slope * radius, across_raw), slope);
   if (!(f.force > 0)) return {};
   return {f.force, std::clamp(f.slope, -slope, slope)};
 }

@@ -24,9 +24,10 @@ struct ScaledCurve {
 
 struct Cap : Counted<Cap> {
   double slope = 0;  // k, N/m
-  // N: f(d) <= rise + slope*d, because of the force on the other side of d = 0 or of a steep increase;
+  // N: f(d) <= across + slope*d, because of the force on the other side of d = 0, which is across_raw without its cap;
+  //    f(d) <= rise + slope*d, because of a steep increase;
   //    f(d) <= fall - slope*d, because of the reach or of a steep decrease.
-  double rise = std::numeric_limits<double>::infinity(), fall = std::numeric_limits<double>::infinity();
+  double across = std::numeric_limits<double>::infinity(), across_raw = across, rise = across, fall = across;
   // f(d) <= bend_force + bend_slope*d where the formula is steeper than this tangent: below `bend` (m) where bend_slope is
   // -k, beyond it where it is k. bend_slope 0: there is no tangent.
   double bend = 0, bend_force = 0, bend_slope = 0;
@@ -38,8 +39,10 @@ struct Cap : Counted<Cap> {
   // Sets the knots, or the spacing. reach: m, may be infinite.
   void follow(const ScaledCurve& custom, double reach);
 
-  // [rt] f_k(d) and its slope, from `raw`, which is f(d). parser: made by the curve.
-  Intensity lower(const ScaledCurve& custom, Curve::Parser* parser, double d, double t, Intensity raw) const noexcept;
+  // [rt] f_k(d) and its slope, from `raw`, which is f(d). parser: made by the curve. radius: m, of a ball that feels it:
+  // then it is that of the function f(max(0, d - radius)), and so is `raw`.
+  Intensity lower(const ScaledCurve& custom, Curve::Parser* parser, double d, double t, Intensity raw,
+                  double radius = 0) const noexcept;
 };
 
 }  // namespace fs

@@ -34,19 +34,23 @@ Law capped(const Law& law, double slope) {
   if (!(slope < unbounded) || (is_exact && slope_without_cap(out) <= slope)) return out;
   const Ref<Cap> front = cap_of(out.front, slope), back = cap_of(out.back, slope);
 
-  // The force from which each side may rise at s = 0: the other side's, if it has the same direction.
-  double across_front = 0, across_back = 0;
+  // The force from which each side may rise at s = 0: the other side's, if it has the same direction. N
+  struct Across {
+    double force = 0, raw = 0;  // with the cap, and without
+  };
+  Across across_front, across_back;
   const bool goes_on = front && back && out.front.sense != out.back.sense && !law.has_edges;
   if (goes_on && !is_timed(out.front) && !is_timed(out.back)) {
     const Law::Parsers parsers = out.make_parsers();
     const auto force_at_0 = [](const Profile& profile, const Cap& cap, Curve::Parser* parser) {
-      return cap.lower(profile.scaled_curve(), parser, 0, 0, evaluate(profile, parser, 0, 0)).force;
+      const Intensity raw = evaluate(profile, parser, 0, 0);
+      return Across{cap.lower(profile.scaled_curve(), parser, 0, 0, raw).force, raw.force};
     };
     across_front = force_at_0(out.back, *back, parsers.back.get());
     across_back = force_at_0(out.front, *front, parsers.front.get());
   }
-  if (front) front->rise = std::fmin(front->rise, across_front);
-  if (back) back->rise = std::fmin(back->rise, across_back);
+  if (front) front->across = across_front.force, front->across_raw = across_front.raw;
+  if (back) back->across = across_back.force, back->across_raw = across_back.raw;
   out.front.cap = front;
   out.back.cap = back;
   return out;

@@ -28,13 +28,14 @@ struct Law {
   }
   bool has_curves() const noexcept { return front.curve || back.curve; }
 
-  // [rt] g (N) and its slope (N/m) at s (m) and the profiles' time t (s); parsers: may be null without curves.
-  Intensity at(double s, double t, const Parsers* parsers) const noexcept {
+  // [rt] g (N) and its slope (N/m) at s (m) and the profiles' time t (s), felt by a ball about s; parsers: may be null
+  // without curves; radius: m, of the ball.
+  Intensity at(double s, double t, const Parsers* parsers, double radius = 0) const noexcept {
     if (!(s < 0)) {
-      const Intensity f = evaluate(front, parsers ? parsers->front.get() : nullptr, std::fabs(s), t);
+      const Intensity f = evaluate(front, parsers ? parsers->front.get() : nullptr, std::fabs(s), t, radius);
       return front.sense == FS_SENSE_REPULSIVE ? f : Intensity{-f.force, -f.slope};
     }
-    const Intensity f = evaluate(back, parsers ? parsers->back.get() : nullptr, -s, t);
+    const Intensity f = evaluate(back, parsers ? parsers->back.get() : nullptr, -s, t, radius);
     return back.sense == FS_SENSE_REPULSIVE ? Intensity{-f.force, f.slope} : Intensity{f.force, -f.slope};
   }
   double limit(double s) const noexcept { return s < 0 ? back.limit : front.limit; }  // N

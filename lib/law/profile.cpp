@@ -117,9 +117,11 @@ bool operator==(const Profile& a, const Profile& b) {
          a.limit == b.limit && a.reach == b.reach && a.curve == b.curve;
 }
 
-Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
-  const Intensity raw = uncapped(p, parser, d, t);
-  return p.cap ? p.cap->lower(p.scaled_curve(), parser, d, t, raw) : raw;
+Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t, double radius) noexcept {
+  const double gap = std::fmax(0, d - radius);
+  const Intensity raw = uncapped(p, parser, gap, t);
+  if (p.cap) return p.cap->lower(p.scaled_curve(), parser, d, t, raw, radius);
+  return {raw.force, d < radius ? 0 : raw.slope};
 }
 
 double most_between(const Profile& profile, double least, double most) noexcept {

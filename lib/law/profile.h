@@ -12,8 +12,8 @@ fs_profile to_c(const Profile& profile);
 bool operator==(const Profile& a, const Profile& b);  // but for their caps
 
 // [rt] d in m, >= 0 (may be infinite); t in s; parser: made by the profile's curve. The slope is 0 where f is clamped,
-// and always finite. With a cap, it is the capped f.
-Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, double t) noexcept;
+// and always finite. With a cap, it is the capped f. radius: m, of the ball about d that feels it: f(max(0, d - radius), t).
+Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, double t, double radius = 0) noexcept;
 
 // The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite when the force never ends,
 // -1 when the profile never gives a force. For an expression it is the reach.

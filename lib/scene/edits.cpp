@@ -12,6 +12,13 @@ namespace {
 
 std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_NAME_SIZE)}; }
 
+void refuse_solid_mesh(const Object& object, double radius) {
+  if (!(radius > 0) || !object.is_solid() || object.primitive != FS_PRIMITIVE_MESH) return;
+  fail(FS_ERROR_UNSUPPORTED,
+       "'%s' is a solid mesh, and the tool's points have a radius of %.9g m: a solid mesh holds points without one",
+       object.name.c_str(), radius);
+}
+
 }  // namespace
 
 ObjectState* OpenGroup::find(std::string_view name) {
@@ -72,6 +79,10 @@ const std::vector<Vec3>& Edits::tool() const {
   return group_ && group_->view.points ? *group_->view.points : evaluated_.views.now().tool->points;
 }
 
+double Edits::tool_radius() const {
+  return group_ && group_->view.point_radius ? *group_->view.point_radius : evaluated_.views.now().tool->point_radius;
+}
+
 size_t Edits::count() const {
   if (!group_) return evaluated_.objects.count();
   size_t count = 0;
@@ -86,6 +97,7 @@ fs_view Edits::view(bool with_group) const {
   const std::vector<Vec3>& points = with_group ? tool() : views.now().tool->points;
   std::copy(points.begin(), points.end(), out.points);
   out.point_count = static_cast<uint32_t>(points.size());
+  out.point_radius = with_group ? tool_radius() : views.now().tool->point_radius;
   out.held = with_group && group_ && group_->view.held ? *group_->view.held : views.now().is_held;
   HandSample hand;
   out.tool = evaluated_.servo() && evaluated_.output->hand.read(hand) ? hand.state.pose : identity_pose();
@@ -119,8 +131,15 @@ void Edits::require_room() {
   objects.require_room(added, "would hold more than");
 }
 
+void Edits::require_radius(double radius, const std::vector<ParsedObject>& objects) const {
+  if (!(radius > 0)) return;
+  for (const ParsedObject& object : objects) refuse_solid_mesh(*object.object, radius);
+  for_each([&](const std::string&, const ObjectState& known) { refuse_solid_mesh(*known.object, radius); });
+}
+
 void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
   const Object& object = *parsed.object;
+  refuse_solid_mesh(object, tool_radius());
   const double time = evaluated_.clock.now();
   ObjectState known;
   const bool is_known = find(object.name, known);  // false also where an object of this name still fades out
@@ -224,7 +243,10 @@ void Edits::change_view(ViewChange change) {
 
 bool Edits::commit(size_t most) {
   assert(group_ && most > 0);
-  if (group_->committed == 0) sort();
+  if (group_->committed == 0) {
+    if (group_->view.point_radius || evaluated_.views.now().tool->point_radius > 0) require_radius(tool_radius());
+    sort();
+  }
   const std::vector<OpenGroup::Change*>& order = group_->order;
   try {
     for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {

@@ -36,6 +36,7 @@ class Edits {
   ObjectState require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
+  double tool_radius() const;
   size_t count() const;  // of objects
   // With the group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
   // it.
@@ -47,6 +48,8 @@ class Edits {
   // Changes, all checked.
   void require_room(const std::vector<ParsedObject>& objects);  // FULL
   void require_room();  // for what the group adds: others may have added something since. FULL
+  // Tool points with this radius can feel the objects, and those that are to come. UNSUPPORTED
+  void require_radius(double radius, const std::vector<ParsedObject>& objects = {}) const;
   // All of it, or the parts that are named. is_change: of an object that is there; where it has been removed by the time the
   // group is committed, nothing is made of it.
   void put(const ParsedObject& object, uint32_t parts, bool is_change);

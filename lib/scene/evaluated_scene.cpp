@@ -15,7 +15,8 @@ void EvaluatedScene::prepare() {
   settle(false);
   const View& view = views.now();
   const bool is_elsewhere = view.is_held || view.previous != no_row;
-  objects.rows.set_hand(view.frame.scale, is_elsewhere ? never : norm(view.tool->centre) + view.tool->radius);
+  objects.rows.set_hand(view.frame.scale,
+                        is_elsewhere ? never : norm(view.tool->centre) + view.tool->radius + view.tool->point_radius);
   if (!spare_) spare_ = make_ref<Snapshot>();
 }
 

@@ -91,10 +91,12 @@ Scene::Contents LocalScene::contents() {
   });
   out.frame = edits().frame();
   out.tool = edits().tool();
+  out.tool_radius = edits().tool_radius();
   return out;
 }
 
-void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) {
+void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool,
+                              double tool_radius) {
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) {
     try {
@@ -106,10 +108,12 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   }
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
+  check_tool_radius(tool_radius);
   mutate([&](Edits edits) {
     edits.require_room(parsed);
+    edits.require_radius(tool_radius, parsed);
+    edits.change_view({.frame = parsed_frame, .points = tool, .point_radius = tool_radius});
     for (const ParsedObject& object : parsed) put(edits, object, all_parts, false);
-    edits.change_view({parsed_frame, tool, {}});
   });
 }
 
@@ -188,7 +192,7 @@ void LocalScene::cancel() {
 
 void LocalScene::set_frame(const fs_frame& frame) {
   const fs_frame parsed = parse_frame(frame);
-  mutate([&](Edits edits) { edits.change_view({parsed, {}, {}}); });
+  mutate([&](Edits edits) { edits.change_view({.frame = parsed}); });
 }
 
 fs_frame LocalScene::get_frame(const char* client) {
@@ -198,17 +202,30 @@ fs_frame LocalScene::get_frame(const char* client) {
 }
 
 void LocalScene::set_clutch(bool held) {
-  mutate([&](Edits edits) { edits.change_view({{}, {}, held}); });
+  mutate([&](Edits edits) { edits.change_view({.held = held}); });
 }
 
 void LocalScene::set_tool(const Vec3* points, size_t count) {
   check_tool(points, count);
-  mutate([&](Edits edits) { edits.change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
+  mutate([&](Edits edits) { edits.change_view({.points = std::vector<Vec3>(points, points + count)}); });
 }
 
 std::vector<Vec3> LocalScene::get_tool() {
   const std::lock_guard lock(mutex_);
   return edits().tool();
+}
+
+void LocalScene::set_tool_radius(double radius) {
+  check_tool_radius(radius);
+  mutate([&](Edits edits) {
+    edits.require_radius(radius);
+    edits.change_view({.point_radius = radius});
+  });
+}
+
+double LocalScene::get_tool_radius() {
+  const std::lock_guard lock(mutex_);
+  return edits().tool_radius();
 }
 
 fs_view LocalScene::view(const char* client) {

@@ -37,7 +37,8 @@ struct LocalScene final : Scene {
   Ref<const Object> get(const char* name, fs_object& out) override;
   Ref<const Object> get(const char* name, fs_object& out, bool with_group);
   Contents contents() override;
-  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) override;
+  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool,
+                    double tool_radius) override;
 
   // The motion of an object, as the thread's group has it; and the motion that another process has worked out, to be set
   // without a check.
@@ -72,6 +73,8 @@ struct LocalScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  void set_tool_radius(double radius) override;
+  double get_tool_radius() override;
   fs_view view(const char* client) override;
   fs_view view(bool with_group);  // as the thread's group has it, or as it is evaluated
   void set_accuracy(double newtons) override;

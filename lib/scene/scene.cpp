@@ -30,6 +30,12 @@ void check_tool(const Vec3* points, size_t count) {
   for (size_t i = 0; i < count; ++i) parse_position(points[i], ("points[" + std::to_string(i) + "]").c_str());
 }
 
+void check_tool_radius(double radius) {
+  if (!(radius >= 0 && radius <= coordinate_limit)) {
+    fail(FS_ERROR_INVALID, "radius is %.9g m, must be within 0..1e15", radius);
+  }
+}
+
 void check_timeout(double timeout) {
   if (!(timeout >= 0 && std::isfinite(timeout))) {
     fail(FS_ERROR_INVALID, "timeout is %.9g, must be finite and >= 0 s", timeout);

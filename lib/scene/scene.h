@@ -37,10 +37,12 @@ struct fs_scene : fs::Counted<fs_scene> {
     std::vector<fs_object> objects;
     fs_frame frame;
     std::vector<fs::Vec3> tool;
+    double tool_radius;
     std::vector<fs::Ref<const fs::Object>> owners;  // of the handles in objects
   };
   virtual Contents contents() = 0;
-  virtual void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<fs::Vec3>& tool) = 0;
+  virtual void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<fs::Vec3>& tool,
+                            double tool_radius) = 0;
 
   // Groups.
   virtual void begin() = 0;
@@ -54,6 +56,8 @@ struct fs_scene : fs::Counted<fs_scene> {
   virtual void set_clutch(bool held) = 0;
   virtual void set_tool(const fs::Vec3* points, size_t count) = 0;
   virtual std::vector<fs::Vec3> get_tool() = 0;
+  virtual void set_tool_radius(double radius) = 0;
+  virtual double get_tool_radius() = 0;
   virtual fs_view view(const char* client) = 0;  // null: its own
   virtual void set_accuracy(double newtons) = 0;
   virtual void set_max_stiffness(double stiffness) = 0;
@@ -86,6 +90,7 @@ struct ServoOutput;
 // Arguments that every kind of scene checks in the same way. INVALID, unless they say otherwise.
 fs_frame parse_frame(const fs_frame& frame);
 void check_tool(const Vec3* points, size_t count);  // 1..32 points
+void check_tool_radius(double radius);
 void check_timeout(double timeout);
 void check_accuracy(double newtons);
 void check_max_stiffness(double stiffness);

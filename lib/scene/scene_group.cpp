@@ -37,18 +37,25 @@ void SceneGroup::remove(const char* name) {
 void SceneGroup::set_frame(const fs_frame& frame) {
   const fs_frame parsed = parse_frame(frame);
   const std::lock_guard lock(scene_->mutex_);
-  edits_.change_view({parsed, {}, {}});
+  edits_.change_view({.frame = parsed});
 }
 
 void SceneGroup::set_clutch(bool held) {
   const std::lock_guard lock(scene_->mutex_);
-  edits_.change_view({{}, {}, held});
+  edits_.change_view({.held = held});
 }
 
 void SceneGroup::set_tool(const Vec3* points, size_t count) {
   check_tool(points, count);
   const std::lock_guard lock(scene_->mutex_);
-  edits_.change_view({{}, std::vector<Vec3>(points, points + count), {}});
+  edits_.change_view({.points = std::vector<Vec3>(points, points + count)});
+}
+
+void SceneGroup::set_tool_radius(double radius) {
+  check_tool_radius(radius);
+  const std::lock_guard lock(scene_->mutex_);
+  edits_.require_radius(radius);
+  edits_.change_view({.point_radius = radius});
 }
 
 Ref<const Object> SceneGroup::get(const char* name, fs_object& out) {

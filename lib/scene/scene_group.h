@@ -21,6 +21,7 @@ class SceneGroup {
   void set_frame(const fs_frame& frame);
   void set_clutch(bool held);
   void set_tool(const Vec3* points, size_t count);
+  void set_tool_radius(double radius);
   Ref<const Object> get(const char* name, fs_object& out);  // as the group has it
 
   // Changes the scene, by at most so many objects; true: by all of them. Between the steps nobody may set, move, remove or post;

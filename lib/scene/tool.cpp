@@ -1,5 +1,7 @@
 #include "scene/tool.h"
 
+#include <utility>
+
 #include "field/proxies.h"
 
 using namespace fs;
@@ -21,10 +23,12 @@ fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   const View& view = snapshot.views->now();
   const ToolPoints& points = points_ ? *points_ : *view.tool;
   const double time = checked.time != 0 ? checked.time : scene_->now(snapshot.clock);
+  if (points_ && std::exchange(radius_, view.tool->point_radius) != view.tool->point_radius) ++what_;
   reader_.memory->absorb(snapshot, time);
   reader_.memory->begin_tick(time);
-  out = evaluate_near(posting.scratches, *reader_.memory, 0, points_ ? 1 : view.version, points,
-                      ToolState::at(checked, points, time));
+  ToolState tool = ToolState::at(checked, points, time);
+  tool.radius = view.tool->point_radius;
+  out = evaluate_near(posting.scratches, *reader_.memory, 0, points_ ? what_ : view.version, points, tool);
   return FS_OK;
 }
 

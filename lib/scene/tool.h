@@ -14,6 +14,8 @@ struct fs_tool : fs::Counted<fs_tool> {
  private:
   const fs::Ref<fs::LocalScene> scene_;
   const fs::Ref<const fs::ToolPoints> points_;  // null: those of the scene
+  double radius_ = 0;  // m, of the points at the last evaluation
+  uint64_t what_ = 1;  // as Memory::look has it, of its own points
   fs::Reader reader_{fs::make_ref<fs::Memory>()};
 };
 

@@ -10,6 +10,7 @@ void ViewChange::add(ViewChange later) {
   if (later.frame) frame = later.frame;
   if (later.points) points = std::move(later.points);
   if (later.held) held = later.held;
+  if (later.point_radius) point_radius = later.point_radius;
 }
 
 Ref<Views> ViewRows::first() {
@@ -46,7 +47,10 @@ void ViewRows::change(const ViewChange& change) {
     } else if (is_another) {
       view.has_own_frame = false;
     }
-    if (change.points) view.tool = make_ref<ToolPoints>(*change.points);
+    if (change.points || change.point_radius) {
+      view.tool =
+          make_ref<ToolPoints>(change.points.value_or(from.tool->points), change.point_radius.value_or(from.tool->point_radius));
+    }
     view.is_held = change.held.value_or(from.is_held);
     view.was_held = view.is_held || (from.was_held && !change.frame);
     view.is_in = !view.is_held;
@@ -62,7 +66,7 @@ void ViewRows::change(const ViewChange& change) {
       view.is_in = false;
     }
   };
-  const bool is_elsewhere = change.frame || change.points;
+  const bool is_elsewhere = change.frame || change.points || change.point_radius;
   if (!is_elsewhere && change.held.value_or(now().is_held) == now().is_held) return;
   for (;;) {
     if (servo_) tidy_older(views_->newest);

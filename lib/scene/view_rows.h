@@ -12,9 +12,10 @@ namespace fs {
 
 // What is to change about a view; what is not given stays.
 struct ViewChange {
-  std::optional<fs_frame> frame;
-  std::optional<std::vector<Vec3>> points;
-  std::optional<bool> held;
+  std::optional<fs_frame> frame{};
+  std::optional<std::vector<Vec3>> points{};
+  std::optional<bool> held{};
+  std::optional<double> point_radius{};
 
   void add(ViewChange later);  // where both have a value, the later one counts
 };

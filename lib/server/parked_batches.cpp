@@ -22,8 +22,11 @@ bool Subjects::add(const Change& change) {
     case type_frame:
     case type_accuracy:
     case type_max_stiffness:
-    case type_clutch:
-    case type_tool: is_about_view = true; return true;
+    case type_clutch: is_about_view = true; return true;
+    case type_tool:
+      is_about_view = true;
+      is_about_all |= change.as<wire::Tool>().radius > 0;  // solid meshes before it, or after it, are refused with it
+      return true;
     case type_forget:
       is_forget = true;
       need({change.as<Forget>().id, 0, 0});

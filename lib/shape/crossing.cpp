@@ -37,12 +37,12 @@ double side_of_edge(Vec3 a, Vec3 b, Vec3 u, Vec3 v) noexcept {
   return is_turned ? -volume : volume;
 }
 
-bool crosses_plane(Side side, Vec3 from, Vec3 to, Crossing& out) noexcept {
-  const double sign = side == Side::front ? 1 : -1, start = sign * from.z, end = sign * to.z;
+bool crosses_plane(Side side, Vec3 from, Vec3 to, double radius, Crossing& out) noexcept {
+  const double sign = side == Side::front ? 1 : -1, start = sign * from.z - radius, end = sign * to.z - radius;
   if (!(start >= 0 && end < 0)) return false;
   out.part = start / (start - end);
   out.point = from + out.part * (to - from);
-  out.point.z = 0;
+  out.point.z = sign * radius;
   out.normal = {0, 0, sign};
   out.triangle = 0;
   return true;
@@ -75,10 +75,10 @@ int crossing_of(Vec3 a, Vec3 b, Vec3 c, Vec3 from, Vec3 to, bool& is_unclear) no
   return start > 0 ? 1 : -1;
 }
 
-bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out,
+bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, double radius, Crossing& out,
                     uint32_t* visits) noexcept {
   if (!is_finite(from) || !is_finite(to)) return false;
-  if (primitive == FS_PRIMITIVE_PLANE) return crosses_plane(side, from, to, out);
+  if (primitive == FS_PRIMITIVE_PLANE) return crosses_plane(side, from, to, radius, out);
   if (primitive != FS_PRIMITIVE_MESH) return false;
   return shape->tree()->first_crossing(side, from, to, out, visits);
 }

@@ -13,6 +13,7 @@ void foresee(fs_view& view, const Change& change) {
   std::fill(std::begin(view.points), std::end(view.points), Vec3{});
   std::copy_n(tool.points, tool.count, view.points);
   view.point_count = static_cast<uint32_t>(tool.count);
+  view.point_radius = tool.radius;
 }
 
 wire::Motion to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.horizon}; }

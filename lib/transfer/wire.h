@@ -21,7 +21,7 @@ namespace fs::wire {
 // ---------------------------------------------------------------------------------------- connecting: never changes
 
 inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
-inline constexpr uint32_t version = 2;
+inline constexpr uint32_t version = 3;
 
 // The sizes of the records that an end knows, in bytes, of those that grow. A later version appends more.
 struct Sizes {
@@ -185,6 +185,7 @@ struct MaxStiffness {
 };
 
 struct Tool {
+  double radius;                 // m, of each point
   uint64_t count;
   fs_vec3 points[FS_TOOL_POINTS_MAX];
 };
@@ -270,10 +271,10 @@ static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(HelloAnswer)
 static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
-static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
+static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 784 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
 static_assert(sizeof(Surface) == 272 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
-static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1016);
+static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1024);
 
 }  // namespace fs::wire

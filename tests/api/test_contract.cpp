@@ -255,6 +255,10 @@ static const std::vector<Call> calls{
     {"fs_scene_get_view", 2, FS_OK, [](World& w, int n) {  // client null: its own
        return fs_scene_get_view(but(n, 0, w.scene), nullptr, but(n, 1, &w.view));
      }},
+    {"fs_scene_set_tool_radius", 1, FS_OK, [](World& w, int n) { return fs_scene_set_tool_radius(but(n, 0, w.scene), 0); }},
+    {"fs_scene_get_tool_radius", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_get_tool_radius(but(n, 0, w.scene), but(n, 1, &w.number));
+     }},
     {"fs_scene_set_accuracy", 1, FS_OK, [](World& w, int n) { return fs_scene_set_accuracy(but(n, 0, w.scene), 0); }},
     {"fs_scene_set_max_stiffness", 1, FS_OK, [](World& w, int n) {
        return fs_scene_set_max_stiffness(but(n, 0, w.scene), 1000);

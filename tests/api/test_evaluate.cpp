@@ -190,8 +190,8 @@ static fs_mat3 difference(fs_mat3 a, const fs_mat3& b) {
 
 // One place. Tolerance in N for each N of the largest limit about.
 static void compare(const Content& content, const Reference& reference, fs_tool* tool, const fs_state& state,
-                    const std::vector<fs_vec3>& points, bool with_stiffness, double tolerance, Worst& worst) {
-  const Felt felt = reference.evaluate(state, points, with_stiffness);
+                    const std::vector<fs_vec3>& points, bool with_stiffness, double tolerance, Worst& worst, double radius = 0) {
+  const Felt felt = reference.evaluate(state, points, with_stiffness, radius);
   fs_response response;
   OK(fs_evaluate(tool, &state, &response));
   double scale = 1;
@@ -235,7 +235,8 @@ static void compare(const Content& content, const Reference& reference, fs_tool*
 
 static const std::vector<fs_vec3> hand_points{{0, 0, 0}, {0.02, 0, -0.01}, {-0.015, 0.02, 0}};
 
-static void random_scenes(const char* what, uint64_t seed, int scenes_count, RandomOptions options, bool many_points) {
+static void random_scenes(const char* what, uint64_t seed, int scenes_count, RandomOptions options, bool many_points,
+                          bool has_radius = false) {
   Worst worst;
   const std::vector<fs_vec3>& points = many_points ? hand_points : one_point;
   for (int i = 0; i < scenes_count; ++i) {
@@ -244,6 +245,8 @@ static void random_scenes(const char* what, uint64_t seed, int scenes_count, Ran
     const Content content = random_content(random, options);
     const Scene scene = make_scene();
     fill(scene.get(), content);
+    const double radius = has_radius ? random.log_between(1e-3, 0.1) : 0;
+    OK(fs_scene_set_tool_radius(scene.get(), radius));
     fs_tool* raw = nullptr;
     OK(fs_tool_create(scene.get(), points.data(), points.size(), &raw));
     const Tool tool(raw);
@@ -253,7 +256,7 @@ static void random_scenes(const char* what, uint64_t seed, int scenes_count, Ran
       state.pose = random.pose(1.2 * options.half);
       state.time = options.time;
       if (options.damps) state.twist = {random.in_box(0.5), random.in_box(4)};
-      compare(content, reference, tool.get(), state, points, !options.damps, 1e-10, worst);
+      compare(content, reference, tool.get(), state, points, !options.damps, 1e-10, worst, radius);
     }
   }
   worst.print(what);
@@ -277,6 +280,15 @@ START_TEST(random_damped) {
   RandomOptions options;
   options.masks = options.disables = options.moves = options.damps = true;
   random_scenes("moving and damped", 4000, 200, options, true);
+}
+END_TEST
+
+START_TEST(random_radius) {
+  RandomOptions options;
+  options.masks = options.disables = options.moves = true;
+  random_scenes("points with a radius", 4500, 150, options, true, true);
+  options.damps = true;
+  random_scenes("points with a radius, damped", 4700, 60, options, true, true);
 }
 END_TEST
 
@@ -773,7 +785,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("evaluate");
   add_case(suite, "reference", {reference_profiles, reference_primitives, reference_tools_and_motion});
-  add_case(suite, "random", {random_still, random_tools, random_moving, random_damped, near_surfaces, rigid_motion,
+  add_case(suite, "random", {random_still, random_tools, random_moving, random_damped, random_radius, near_surfaces, rigid_motion,
                              far_from_the_origin, forces_add});
   add_case(suite, "rules", {at_distance_zero, extremes_stay_finite, response_without_contacts, same_input_same_bits,
                             a_field_is_a_tool_at_each_point, tool_points, profile_evaluate,

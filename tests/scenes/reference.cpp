@@ -216,7 +216,7 @@ struct Reference::Part {
   std::shared_ptr<const Solid> solid;
 
   // The force on a point of the tool that is at x and moves at v.
-  Vec force(const Placed& placed, Vec x, Vec v, Real time) const {
+  Vec force(const Placed& placed, Vec x, Vec v, Real time, Real radius) const {
     const Vec local = placed.turn.back(x - placed.origin);
     Vec away, normal;  // from p to x; of a surface, at d = 0
     bool is_front = true, has_sides = false;
@@ -242,7 +242,7 @@ struct Reference::Part {
     if (d == 0 && !has_sides) return {};
     const Vec outwards = placed.turn * (d == 0 ? normal : 1 / d * away);
     const fs_profile& profile = d == 0 || is_front ? object.front : object.back;
-    const Real f = profile_force(profile, d == 0 || is_front ? front : back, d, time - object.start);
+    const Real f = profile_force(profile, d == 0 || is_front ? front : back, std::fmax(0, d - radius), time - object.start);
     if (!(static_cast<double>(f) > 0)) return {};  // the tail of a gaussian ends where a double does
     const Vec object_velocity = placed.linear + cross(placed.angular, x - placed.origin);
     const Vec sum = (profile.sense == FS_SENSE_REPULSIVE ? f : -f) * outwards -
@@ -269,7 +269,8 @@ Reference::Reference(const Content& content) {
 
 Reference::~Reference() = default;
 
-Felt Reference::evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness) const {
+Felt Reference::evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness,
+                         double radius) const {
   const Vec origin = state.pose.position, linear = state.twist.linear, angular = state.twist.angular;
   const Turn turn = turn_of(state.pose.orientation);
   const Real h = 1e-7L;
@@ -287,15 +288,15 @@ Felt Reference::evaluate(const fs_state& state, const std::vector<fs_vec3>& tool
     for (const Vec arm : feeling) {
       const Vec x = origin + arm, v = linear + cross(angular, arm);
       const Real share = 1.0L / feeling.size();
-      const Vec f = share * part.force(placed, x, v, state.time);
+      const Vec f = share * part.force(placed, x, v, state.time, radius);
       force = force + f;
       torque = torque + cross(arm, f);
       largest = std::fmax(largest, norm(f));
       if (!with_stiffness) continue;
       const Vec steps[3]{{h, 0, 0}, {0, h, 0}, {0, 0, h}};
       for (int k = 0; k < 3; ++k) {
-        ahead[k] = ahead[k] + 1 / h * (share * part.force(placed, x + steps[k], v, state.time) - f);
-        behind[k] = behind[k] + 1 / h * (f - share * part.force(placed, x - steps[k], v, state.time));
+        ahead[k] = ahead[k] + 1 / h * (share * part.force(placed, x + steps[k], v, state.time, radius) - f);
+        behind[k] = behind[k] + 1 / h * (f - share * part.force(placed, x - steps[k], v, state.time, radius));
       }
     }
     felt.felt_count += largest >= 1e-30L;

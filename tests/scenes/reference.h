@@ -25,7 +25,8 @@ class Reference {
   ~Reference();
 
   // Without a servo: objects that are enabled and have not expired have weight 1. with_stiffness costs six times more.
-  Felt evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness) const;
+  // radius: m, of the points.
+  Felt evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness, double radius = 0) const;
 
  private:
   struct Solid;

@@ -45,7 +45,7 @@ inline std::string wire_layout() {
   RECORD(Clutch, is_held);
   RECORD(Accuracy, newtons);
   RECORD(MaxStiffness, stiffness);
-  RECORD(wire::Tool, count, points);
+  RECORD(wire::Tool, radius, count, points);
   RECORD(wire::Shape, id, primitive, is_closed, point_count, triangle_count);
   RECORD(wire::Curve, id, count, step, expression);
   RECORD(Forget, id);
