@@ -1,7 +1,9 @@
-// A simulated hand taps and strokes the six faces of a box, each of another material, and what it feels is written to a table.
+// A simulated hand in a box taps and strokes its six walls, each of another material, and what it feels is written to a table.
 // Time is virtual: each tick of the servo is a millisecond of it, however long it takes.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 
 #include <forceserver/forceserver.hpp>
@@ -10,27 +12,31 @@ using namespace forceserver;
 
 namespace {
 
-// The hand: a mass that a spring and a damper pull to where it wants to be. It is held more firmly than a person's, so that its
-// speed stays the same while it is rubbed.
+// The hand: a mass that a spring and a damper pull to where it wants to be. It is stiffer than a person's, so that its speed and
+// its push stay the same while it strokes.
 constexpr double hand_mass = 0.2, hand_damping = 25, hand_stiffness = 1000;  // kg, N s/m, N/m
 constexpr double push = 1.5;                                                 // N, with which it strokes
-constexpr double stroke_speed = 0.08, tap_speed = 0.12;                      // m/s
-constexpr double travel_speed = 0.25, landing_speed = 0.015;                 // m/s; whoever lands so slowly strikes nothing
+constexpr double stroke_speed = 0.1, tap_speed = 0.12;                       // m/s
+constexpr double landing_speed = 0.015;                                      // m/s: too slow for an impact
+constexpr double travel_speed = 0.25, careful_speed = 0.1;                   // m/s
 
-// In this order each face is a neighbour of the one before.
+// Where a stroke begins and ends, in the frame of the wall, m. It is aslant, so that no row of a texture is felt twice.
+constexpr fs_vec3 begin = {-0.03, -0.003, 0}, end = {0.03, 0.003, 0};
+
 constexpr const char* materials[] = {"rubber", "wood", "ice", "sandpaper", "corduroy", "metal"};
 
-fs_vec3 operator+(fs_vec3 a, fs_vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 fs_vec3 operator-(fs_vec3 a, fs_vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-double length(fs_vec3 v) { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
+double dot(fs_vec3 a, fs_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+double length(fs_vec3 v) { return std::sqrt(dot(v, v)); }
+fs_vec3 above(fs_vec3 place, double height) { return {place.x, place.y, height}; }
 
-// A face of the box. Its frame has z outwards, and its origin is in the middle of the face.
-struct Face {
+// A wall of the box. In its frame z leads into the box, and the origin is in the middle of the wall.
+struct Wall {
   std::string name;
   fs_frame frame = fs_frame_init();
-  double depth = 0;  // m, of the hand's target below the face, so that it pushes as it should
+  double depth;  // m, that the hand wants to be behind the wall, so that it pushes as it should
 
-  Face(const Scene& scene, const char* material) : name(material) {
+  Wall(const Scene& scene, const char* material) : name(material) {
     const Object object = scene.object_get(name);
     frame.pose = object.pose;
     depth = push / object.contact.stiffness + push / hand_stiffness;
@@ -44,17 +50,14 @@ struct Face {
 class Plan {
  public:
   struct Part {
-    double end;  // s
-    std::size_t face;
     const char* action;
+    std::size_t wall;
+    double end;  // s
   };
 
-  explicit Plan(const std::vector<Face>& faces) : place_(faces[0].to_scene({0, 0, 0.02})) {
-    stay(1.6);  // by then the force is there in full
-    for (std::size_t i = 0; i < faces.size(); ++i) {
-      if (i > 0) go_round_the_edge(faces[i - 1], faces[i]);
-      touch(faces[i], i);
-    }
+  explicit Plan(const std::vector<Wall>& walls) {
+    stay(0.1);
+    for (std::size_t i = 0; i < walls.size(); ++i) add(walls[i], i);
   }
   const std::vector<Part>& parts() const { return parts_; }
   void write(const std::string& file) const {
@@ -64,29 +67,25 @@ class Plan {
   }
 
  private:
-  void touch(const Face& face, std::size_t number) {
-    const auto part = [&](const char* action) { parts_.push_back({time_, number, action}); };
-    go(face.to_scene({0, 0, 0.012}), travel_speed);
-    stay(0.1);
-    part("travel");
-    go(face.to_scene({0, 0, -face.depth}), tap_speed);
-    stay(0.3);
-    part("tap");
-    go(face.to_scene({0, 0, 0.01}), travel_speed);
-    go(face.to_scene({-0.025, -0.003, 0.003}), travel_speed);
-    stay(0.1);
-    go(face.to_scene({-0.025, -0.003, -face.depth}), landing_speed);
+  void add(const Wall& wall, std::size_t number) {
+    stay(1.5);  // in the middle of the box, until the force is there in full and what the hand has left no longer counts
+    go(wall.to_scene({0, 0, 0.012}), travel_speed);
     stay(0.2);
-    part("travel");
-    go(face.to_scene({0.025, 0.003, -face.depth}), stroke_speed);  // a little aslant, so that no row of a texture comes twice
-    part("stroke");
+    name("travel", number);
+    go(wall.to_scene({0, 0, -wall.depth}), tap_speed);
+    stay(0.3);
+    name("tap", number);
+    go(wall.to_scene({0, 0, 0.003}), careful_speed);
+    go(wall.to_scene(above(begin, 0.003)), careful_speed);
+    stay(1.5);
+    go(wall.to_scene(above(begin, -wall.depth)), landing_speed);
+    stay(0.3);
+    name("travel", number);
+    go(wall.to_scene(above(end, -wall.depth)), stroke_speed);
+    name("stroke", number);
     stay(0.1);
-    go(face.to_scene({0.025, 0.003, 0.02}), travel_speed);
-  }
-  void go_round_the_edge(const Face& from, const Face& to) {
-    go(from.to_scene({0, 0, 0.02}), travel_speed);
-    go(from.to_scene({0, 0, 0.02}) + to.to_scene({0, 0, 0.02}), travel_speed);
-    go(to.to_scene({0, 0, 0.02}), travel_speed);
+    go(wall.to_scene(above(end, 0.02)), travel_speed);
+    go({0, 0, 0}, travel_speed);
   }
   void go(fs_vec3 to, double speed) {
     const double way = length(to - place_);
@@ -94,41 +93,47 @@ class Plan {
     stay(way / speed);
   }
   void stay(double duration) {
-    if (lines_.empty()) line();
     time_ += duration;
-    line();
+    char line[120];
+    std::snprintf(line, sizeof line, "%.4f %.6f %.6f %.6f\n", time_, place_.x, place_.y, place_.z);
+    lines_ += line;
   }
-  void line() {
-    char text[120];
-    std::snprintf(text, sizeof text, "%.4f %.6f %.6f %.6f\n", time_, place_.x, place_.y, place_.z);
-    lines_ += text;
-  }
+  void name(const char* action, std::size_t wall) { parts_.push_back({action, wall, time_}); }
 
   double time_ = 0;  // s
-  fs_vec3 place_;
+  fs_vec3 place_{};
   std::string lines_;
   std::vector<Part> parts_;
 };
 
-// What the stroke of a face was like.
-struct Stroke {
-  int ticks = 0;
-  double normal = 0, tangential = 0, squares = 0;  // N; N^2: sums
-  double texture = 1, impact = 1;                  // the parts of the texture and the impact that the loop renders
+// What the hand feels at a wall, in the frame of the wall.
+struct Moment {
+  double time;                // s
+  fs_vec3 place;              // m
+  double tangential, normal;  // N: against the stroke, and into the box
+};
 
-  double friction() const { return tangential / normal; }
-  double roughness() const { return std::sqrt(squares / ticks - std::pow(tangential / ticks, 2)); }  // N, rms
+// How a wall was felt.
+struct Summary {
+  int ticks = 0;
+  double sticks = 0, tangential = 0, normal = 0;  // the largest ratio of the two forces; N: sums while it slips
+  double texture = 1, impact = 1;                 // the least part of the texture and of the impact that was rendered
+
+  void add(const Moment& moment) {
+    if (moment.normal > push / 2) sticks = std::max(sticks, moment.tangential / moment.normal);
+    if (moment.place.x < begin.x + 0.015) return;  // by then it slips
+    ++ticks;
+    tangential += moment.tangential;
+    normal += moment.normal;
+  }
 };
 
 void run(const char* scene_file, const char* table_file, const std::string& hand_file) {
   const Scene scene = Scene::create();
   scene.load(scene_file);
-  const std::vector<Face> faces = [&] {
-    std::vector<Face> out;
-    for (const char* const material : materials) out.emplace_back(scene, material);
-    return out;
-  }();
-  const Plan plan(faces);
+  std::vector<Wall> walls;
+  for (const char* const material : materials) walls.emplace_back(scene, material);
+  const Plan plan(walls);
   plan.write(hand_file);
 
   char uri[400];
@@ -141,47 +146,46 @@ void run(const char* scene_file, const char* table_file, const std::string& hand
 
   std::ofstream table(table_file);
   table << "time,material,action,x,y,z,tangential,normal,sent x,sent y,sent z\n";
-  std::vector<Stroke> strokes(faces.size());
-  double worst_step = 0;
+  std::vector<Summary> summaries(walls.size());
+  const fs_vec3 way = end - begin;
+  double largest_step = 0;
   fs_vec3 last{};
   for (const Plan::Part& part : plan.parts()) {
-    const Face& face = faces[part.face];
-    Stroke& stroke = strokes[part.face];
+    const Wall& wall = walls[part.wall];
+    Summary& summary = summaries[part.wall];
+    const bool is_stroke = !std::strcmp(part.action, "stroke"), is_tap = !std::strcmp(part.action, "tap");
     while (scene.get_time() < part.end) {
       servo.step(1);
       fs_state hand;
-      fs_response felt;
+      fs_response felt;  // before the guard, which adds the damping of the servo
       fs_wrench sent;
       scene.get_hand(&hand, &felt, &sent);
-      const fs_vec3 place = face.from_scene(hand.pose.position), force = face.turned(felt.wrench.force);
-      worst_step = std::max(worst_step, length(sent.force - last));
+      const fs_vec3 force = wall.turned(felt.wrench.force);
+      const Moment now = {hand.time, wall.from_scene(hand.pose.position), -dot(force, way) / length(way), force.z};
+      largest_step = std::max(largest_step, length(sent.force - last));
       last = sent.force;
       char line[240];
-      std::snprintf(line, sizeof line, "%.3f,%s,%s,%.3f,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f\n", hand.time, face.name.c_str(),
-                    part.action, 1e3 * place.x, 1e3 * place.y, 1e3 * place.z, -force.x, force.z, last.x, last.y, last.z);
+      std::snprintf(line, sizeof line, "%.3f,%s,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f\n", now.time, wall.name.c_str(),
+                    part.action, 1e3 * now.place.x, 1e3 * now.place.y, 1e3 * now.place.z, now.tangential, now.normal, last.x,
+                    last.y, last.z);
       table << line;
-      if (part.action[0] != 's' || place.x < -0.015) continue;  // by then it slips
-      ++stroke.ticks;
-      stroke.normal += force.z;
-      stroke.tangential -= force.x;
-      stroke.squares += force.x * force.x;
+      if (is_stroke) summary.add(now);
+      if (!is_stroke && !is_tap) continue;
+      const fs_report report = scene.get_report(wall.name);
+      summary.texture = std::min(summary.texture, 1 - report.texture_lost);
+      summary.impact = std::min(summary.impact, 1 - report.impact_lost);
     }
-    const fs_report report = scene.get_report(face.name);
-    std::printf("%s %s: %g of %g N/m, texture %g, impact %g, %s\n", face.name.c_str(), part.action, report.stiffness_applied,
-                report.stiffness_wanted, report.texture_lost, report.impact_lost, report.shares_with);
-    stroke.texture = std::min(stroke.texture, 1 - report.texture_lost);
-    stroke.impact = std::min(stroke.impact, 1 - report.impact_lost);
   }
   if (!table.flush()) throw std::runtime_error(std::string("cannot write ") + table_file);
 
-  std::printf("             friction   roughness   texture   impact\n");
-  for (std::size_t i = 0; i < faces.size(); ++i) {
-    const Stroke& stroke = strokes[i];
-    std::printf("%-10s   %8.3f   %7.3f N   %5.0f %%   %4.0f %%\n", materials[i], stroke.friction(), stroke.roughness(),
-                100 * stroke.texture, 100 * stroke.impact);
+  std::printf("             sticks up to   slips at   pushed with   texture   impact rendered\n");
+  for (std::size_t i = 0; i < walls.size(); ++i) {
+    const Summary& of = summaries[i];
+    std::printf("%-10s   %12.2f   %8.3f   %9.2f N   %5.0f %%   %13.0f %%\n", materials[i], of.sticks, of.tangential / of.normal,
+                of.normal / of.ticks, 100 * of.texture, 100 * of.impact);
   }
   const fs_servo_stats stats = scene.get_servo_stats();
-  std::printf("the force changed by %.2f N at most from one tick to the next; the loop renders %.0f N/m\n", worst_step,
+  std::printf("From one tick to the next the force changed by %.2f N at most. The loop renders %.0f N/m.\n", largest_step,
               stats.max_stiffness);
 }
 
