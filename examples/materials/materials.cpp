@@ -21,7 +21,7 @@ constexpr double landing_speed = 0.015;                                      // 
 constexpr double travel_speed = 0.25, careful_speed = 0.1;                   // m/s
 
 // Where a stroke begins and ends, in the frame of the wall, m. It is aslant, so that no row of a texture is felt twice.
-constexpr fs_vec3 begin = {-0.03, -0.003, 0}, end = {0.03, 0.003, 0};
+constexpr fs_vec3 begin = {-0.025, -0.0025, 0}, end = {0.025, 0.0025, 0};
 
 constexpr const char* materials[] = {"rubber", "wood", "ice", "sandpaper", "corduroy", "metal"};
 
@@ -121,7 +121,7 @@ struct Summary {
 
   void add(const Moment& moment) {
     if (moment.normal > push / 2) sticks = std::max(sticks, moment.tangential / moment.normal);
-    if (moment.place.x < begin.x + 0.015) return;  // by then it slips
+    if (moment.place.x < begin.x + 0.01) return;  // by then it slips
     ++ticks;
     tangential += moment.tangential;
     normal += moment.normal;
