@@ -85,7 +85,7 @@ def check(rows, scene, measure):
         if impact and now["action"] == "tap":
             explained += impact["gain"] * TAP_SPEED * 2 * math.pi * min(impact["frequency"], highest) / measure.RATE
         if change > explained:
-            expect(False, f"at {now['time']} s {now['material']} changes by {change:.2f} N in a tick, not {explained:.2f} N at most")
+            expect(False, f"at {now['time']} s {now['material']} changes by {change:.2f} N in a tick, not {explained:.2f} N")
             break
     return wrong
 
