@@ -393,6 +393,26 @@ def test_profiles_and_custom():
         fs.Custom([1, 2, 3], limit=1)
 
 
+def test_a_call_that_changes_a_struct_changes_it_in_place():
+    settings = fs.SurfaceSettings(static_friction=0.5, dynamic_friction=0.4)
+    assert fs.surface_set_impact(settings, "medium") is None
+    assert (settings.impact_gain, settings.impact_frequency, settings.impact_decay) == (8, 100, 80)
+    assert (settings.static_friction, settings.dynamic_friction) == (0.5, 0.4)
+    fs.surface_set_impact(settings, fs.Impact.NONE)
+    assert settings == fs.SurfaceSettings(static_friction=0.5, dynamic_friction=0.4)
+    with pytest.raises(ValueError, match="impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"):
+        fs.surface_set_impact(settings, "loud")
+    with pytest.raises(TypeError, match="settings must be a SurfaceSettings, not Pose"):
+        fs.surface_set_impact(fs.Pose(), "soft")
+    constant = settings._constant()
+    with pytest.raises(AttributeError, match="this SurfaceSettings is a copy"):
+        fs.surface_set_impact(constant, "soft")
+    assert constant.impact_gain == 0
+    view = np.asarray(settings)
+    fs.surface_set_impact(settings, "hard")
+    assert view["impact_gain"] == 10  # an array of it sees the change
+
+
 def test_surfaces():
     ice = fs.surface(static_friction=0.2, dynamic_friction=0.1, slip_distance=1e-3)
     assert ice.get_settings().dynamic_friction == 0.1 and ice.get_heights() is None
