@@ -427,6 +427,11 @@ def test_surfaces():
         assert again.get_settings() == surface.get_settings()
         assert np.array_equal(again.get_heights(), surface.get_heights()) if surface is rough else again.get_heights() is None
     assert rough.get_heights().tolist() == heights.ravel().tolist()
+    metal, bell = fs.surface(impact="hard"), fs.surface(impact=(7.5, 123.25, 61), heights=heights, width=1e-3)
+    for surface, wanted in ((ice, [0, 0, 0]), (metal, [10, 250, 60]), (bell, [7.5, 123.25, 61])):
+        settings = pickle.loads(pickle.dumps(surface)).get_settings()
+        assert [settings.impact_gain, settings.impact_frequency, settings.impact_decay] == wanted
+    assert bell.get_heights().tolist() == heights.ravel().tolist()
     scene = fs.Scene()
     scene["slab"] = fs.Plane(contact=fs.Contact(keep="front", stiffness=1000, limit=5), surface=fs.surface(heights=[[-1e-3]]))
     with fs.Tool(scene) as tool:
@@ -440,3 +445,16 @@ def test_surfaces():
         fs.surface(heights=[[0, 1e-3]], width=1e-3)
     with pytest.raises(ValueError, match="axis 'w' is unknown; use 'z', 'x' or 'y'"):
         fs.surface(heights=[[0]], axis="w")
+    for impact, error, sentence in (
+        ("loud", ValueError, "impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"),
+        (4, ValueError, "impact is 4; use 'none', 'soft', 'medium' or 'hard'"),
+        (True, TypeError, "impact must be an enum, an int or a name"),
+        (2.5, TypeError, r"impact is 2.5, must be a name such as 'soft', or \(gain, frequency, decay\)"),
+        ((8, 100), TypeError, r"impact is \(8, 100\), must be a name such as 'soft', or \(gain, frequency, decay\)"),
+        (("a", 100, 80), TypeError, "impact_gain must be a number, not str"),
+        ((-1, 100, 80), fs.InvalidError, "impact_gain is -1, must be within 0..1000000"),
+        ((8, 0.5, 80), fs.InvalidError, "impact_frequency is 0.5, must be within 1..100000"),
+        ((8, 100, 0), fs.InvalidError, "impact_decay is 0, must be within 1..1000000"),
+    ):
+        with pytest.raises(error, match=sentence):
+            fs.surface(impact=impact)
