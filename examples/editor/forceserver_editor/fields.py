@@ -45,8 +45,10 @@ def make_surface(settings: fs.SurfaceSettings, heights: Any) -> fs.Surface | Non
 
 
 def put_surface(target: fs.Object, name: str, value: Any) -> None:
-    """One setting of the surface, or "impact" with a name of fs.Impact; the texture stays. The dynamic coefficient goes along with
-    the static one, and with these the contact needs none. A gain without a frequency gets the frequency and decay of wood."""
+    """One setting of the surface, or "impact" with a name of fs.Impact; the texture stays.
+
+    The dynamic coefficient goes along with the static one, and with these the contact needs none. A gain without a frequency gets
+    the frequency and decay of wood."""
     heights = target.surface.get_heights() if target.surface is not None else None
     settings = target.surface.get_settings() if target.surface is not None else fs.SurfaceSettings()
     if name == "impact":
