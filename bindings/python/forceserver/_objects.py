@@ -338,6 +338,7 @@ def surface(
         dynamic_friction=static_friction if dynamic_friction is None else dynamic_friction,
         slip_distance=slip_distance,
     )
+    _put_impact(settings, impact)
     if heights is None:
         if width != 0 or first != (0, 0) or axis != "z" or repeats:
             raise TypeError("width, first, axis and repeats are those of heights, which are missing")

@@ -402,7 +402,7 @@ def test_a_call_that_changes_a_struct_changes_it_in_place():
     assert settings == fs.SurfaceSettings(static_friction=0.5, dynamic_friction=0.4)
     with pytest.raises(ValueError, match="impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"):
         fs.surface_set_impact(settings, "loud")
-    with pytest.raises(TypeError, match="settings must be a SurfaceSettings, not Pose"):
+    with pytest.raises(TypeError, match="settings must be a SurfaceSettings, not .*Pose"):
         fs.surface_set_impact(fs.Pose(), "soft")
     constant = settings._constant()
     with pytest.raises(AttributeError, match="this SurfaceSettings is a copy"):
