@@ -185,6 +185,24 @@ def makers(struct):
     return out
 
 
+def changes(struct_):
+    """A method for each function that changes the struct: fs_surface_set_impact is SurfaceSettings.impact."""
+    me = class_of(struct_["name"])
+    for f in D["functions"]:
+        first, *rest = f["parameters"] or [{"kind": ""}]
+        if first["kind"] != "inout struct" or base(first["type"]) != struct_["name"] or "_set_" not in f["name"]:
+            continue
+        if any(p["kind"] != "enum" for p in rest):
+            sys.exit(f"{f['name']}: only enums can follow the struct that it changes")
+        parameters = ", ".join(f"{class_of(p['type'])} {camel(p['name'])}" for p in rest)
+        arguments = ", ".join(["this", *(f"{camel(p['name'])}.value()" for p in rest)])
+        yield f"""{doc(f["comment"], "  ")}  public {me} {camel(f["name"].partition("_set_")[2])}({parameters}) {{
+    ForceServerException.check(Native.{f["name"]}({arguments}));
+    return this;
+  }}
+"""
+
+
 def handle_places(struct_, at=0):
     """Where pointers to handles stand, and to which."""
     for f in struct_["fields"]:
@@ -220,7 +238,8 @@ def as_text(struct_):
 
 def struct(struct_):
     me = class_of(struct_["name"])
-    parts = makers(struct_) + [accessors(struct_, f) for f in struct_["fields"] if not hidden(f)] + [as_text(struct_)]
+    parts = makers(struct_) + [accessors(struct_, f) for f in struct_["fields"] if not hidden(f)]
+    parts += [*changes(struct_), as_text(struct_)]
     handles = take_handles(struct_)
     return f"""{doc(struct_["comment"])}public final class {me} extends Struct {{
   /** The bytes of one. */

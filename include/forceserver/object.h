@@ -420,7 +420,7 @@ typedef enum fs_impact {
   FS_IMPACT_FORCE_32 = 0x7fffffff
 } fs_impact;
 
-/* Sets the three impact fields of settings that fs_surface_settings_init made. INVALID, VERSION. */
+/* Sets the three impact fields of settings. The settings are those that fs_surface_settings_init made. INVALID, VERSION. */
 FS_API fs_status fs_surface_set_impact(fs_surface_settings *settings, fs_impact impact);
 
 /* A surface of these settings. INVALID, VERSION. */

@@ -79,6 +79,19 @@ def corduroy(x):
     return [-push * slope, 0, push]
 
 
+def check_impact(lines):
+    """The spring, and 8 N s/m * v * exp(-80 t) * sin(2 pi 100 t) where the hand comes at v, 20 mm/s at least."""
+    lines = list(lines)
+    expect(len(lines) == 15, f"impact has {len(lines)} lines")
+    for where, x, force in lines:
+        speed = float(where.split()[0])
+        wanted = 0
+        if "above" not in where:
+            t = float(where.split()[-2]) / 1000
+            wanted = -0.5 * x[2] + (8 * speed * math.exp(-80 * t) * math.sin(200 * math.pi * t) if speed > 0.02 else 0)
+        expect(near(force, [0, 0, wanted]), f"impact, {where}: {force} N, not {wanted}")
+
+
 def sphere(x):
     size = norm(x)
     return [0, 0, 0] if size == 0 else [min(10, max(0, 0.5 * (30 - size))) * value / size for value in x]
@@ -133,7 +146,7 @@ def by_formula(name, formula):
 
 CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box),
           "solid": by_formula("solid", solid), "stick_slip": check_stick_slip,
-          "corduroy": by_formula("corduroy", corduroy), "sphere": by_formula("sphere", sphere),
+          "corduroy": by_formula("corduroy", corduroy), "impact": check_impact, "sphere": by_formula("sphere", sphere),
           "path": check_path, "gravity": by_formula("gravity", gravity), "viscous_zone": check_viscous_zone,
           "hazard": check_hazard, "magnet": by_formula("magnet", magnet)}
 

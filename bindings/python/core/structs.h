@@ -77,6 +77,10 @@ Struct<T>& as_struct(py::handle value, const char* name);
 template <class T>
 Struct<T>* if_struct(py::handle object);
 
+[[noreturn]] inline void refuse_constant(const char* name) {
+  raise(PyExc_AttributeError, std::string("this ") + name + " is a copy: set it as a whole, or use change(..)");
+}
+
 // What a subclass in Python adds to its instances.
 inline py::dict attributes_of(const py::object& self) {
   py::dict found;
@@ -182,9 +186,7 @@ class Class {
     fields.push_back({field_name, unit, get, set, same});
     const auto put = [set](const py::object& self, const py::object& value) {
       Struct<T>& one = as_self(self);
-      if (one.constant) {
-        raise(PyExc_AttributeError, std::string("this ") + name + " is a copy: set it as a whole, or use change(..)");
-      }
+      if (one.constant) refuse_constant(name);
       set(one, value);
     };
     class_.def_property(field_name, get, put, doc);
@@ -362,6 +364,22 @@ class Input {
 
  private:
   std::unique_ptr<Box<T>> box_;
+};
+
+// A struct that a call changes, except for its handles. The call works on a copy, because it runs without the GIL; the struct
+// takes what the copy has become when the call has succeeded.
+template <class T>
+class Changed {
+ public:
+  Changed(py::handle object, const char* name) : target_(as_struct<T>(object, name)), copy_(*target_.at) {
+    if (target_.constant) refuse_constant(Class<T>::name);
+  }
+  T* get() { return &copy_.value; }
+  void take() { target_.assign(copy_.value); }
+
+ private:
+  Struct<T>& target_;
+  Box<T> copy_;
 };
 
 // What a call has filled. Its handles are retained; `filled` is then released by the caller.

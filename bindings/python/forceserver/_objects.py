@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ._core import Array, ObjectFields, Rotation
 
     Sense = int | Literal["attractive", "repulsive"]
+    _ImpactName = Literal["none", "soft", "medium", "hard"]
 
     class _HasVertices(Protocol):  # trimesh.Trimesh
         @property
@@ -297,11 +298,23 @@ def law(
 # ------------------------------------------------------------------------------------------------------------ surfaces
 
 
+def _put_impact(settings: SurfaceSettings, impact: int | _ImpactName | tuple[float, float, float]) -> None:
+    if isinstance(impact, (int, str)):
+        _core.surface_set_impact(settings, impact)
+        return
+    try:
+        gain, frequency, decay = impact
+    except (TypeError, ValueError):
+        raise TypeError(f"impact is {impact!r}, must be a name such as 'soft', or (gain, frequency, decay)") from None
+    settings.impact_gain, settings.impact_frequency, settings.impact_decay = gain, frequency, decay
+
+
 def surface(
     *,
     static_friction: float = 0,
     dynamic_friction: float | None = None,
     slip_distance: float = 0,
+    impact: int | _ImpactName | tuple[float, float, float] = "none",
     heights: ArrayLike | None = None,
     width: float | tuple[float, float] = 0,
     first: tuple[float, float] = (0, 0),
@@ -313,6 +326,9 @@ def surface(
     static_friction, dynamic_friction: the Coulomb coefficient while it sticks and while it slips, 0..2; without the second both
     are equal. slip_distance: m, over which the one becomes the other.
 
+    impact: what a tool point feels when it hits the surface: "soft" as rubber, "medium" as wood, "hard" as metal, or (gain,
+    frequency, decay) in N s/m, Hz and 1/s.
+
     heights: a texture, m, -1..0, an array of shape (rows, columns) that is projected along `axis`: with "z" the columns go along x
     and the rows along y, with "x" along y and z, with "y" along z and x. width: m, from one height to the next, or those of columns
     and rows. first: m, the place of the first height. repeats: the grid is repeated without end. See fs_surface_settings.
@@ -322,6 +338,7 @@ def surface(
         dynamic_friction=static_friction if dynamic_friction is None else dynamic_friction,
         slip_distance=slip_distance,
     )
+    _put_impact(settings, impact)
     if heights is None:
         if width != 0 or first != (0, 0) or axis != "z" or repeats:
             raise TypeError("width, first, axis and repeats are those of heights, which are missing")

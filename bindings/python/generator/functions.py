@@ -173,6 +173,11 @@ class Functions(Structs):
                 else:
                     outputs.append(f"new_struct({p['name']})")
                 types.append(camel(base))
+            elif kind == "inout struct":
+                arguments.append((p["name"], camel(base), None))
+                before.append(f'Changed<{base}> {p["name"]}_({p["name"]}, "{p["name"]}");')
+                call.append(f"{p['name']}_.get()")
+                after.append(f"{p['name']}_.take();")
             elif kind == "out number":
                 before.append(f"{base} {p['name']} = 0;")
                 call.append(f"&{p['name']}")

@@ -9,7 +9,7 @@ import forceserver as fs
 import numpy as np
 
 from .frames import standing, unit
-from .plain import PART_OF, Refused, refusal
+from .plain import PART_OF, SURFACE_FIELDS, Refused, refusal
 
 
 def make_curve(value: Any) -> fs.Curve | None:
@@ -37,22 +37,36 @@ def make_shape(value: Any) -> fs.Shape:
         raise Refused("a polyline is a list of points", "shape") from None
 
 
-def put_surface(target: fs.Object, name: str, value: float) -> None:
-    """One setting of the surface, whose texture stays. The dynamic coefficient goes along with the static one, and with these the
-    contact needs none."""
+def make_surface(settings: fs.SurfaceSettings, heights: Any) -> fs.Surface | None:
+    """None where it would do nothing."""
+    if heights is not None:
+        return fs.surface_create_texture(settings, heights)
+    return fs.surface_create(settings) if settings.static_friction != 0 or settings.impact_gain != 0 else None
+
+
+def put_surface(target: fs.Object, name: str, value: Any) -> None:
+    """One setting of the surface, or "impact" with a name of fs.Impact; the texture stays.
+
+    The dynamic coefficient goes along with the static one, and with these the contact needs none. A gain without a frequency gets
+    the frequency and decay of wood."""
     heights = target.surface.get_heights() if target.surface is not None else None
     settings = target.surface.get_settings() if target.surface is not None else fs.SurfaceSettings()
-    if name not in ("static_friction", "dynamic_friction", "slip_distance"):
+    if name == "impact":
+        fs.surface_set_impact(settings, str(value))  # type: ignore[arg-type]
+    elif name in SURFACE_FIELDS:
+        setattr(settings, name, float(value))
+    else:
         raise Refused(f"surface has no field {name}")
-    setattr(settings, name, value)
     if name == "static_friction":
-        known = settings.dynamic_friction if settings.dynamic_friction > 0 else value
-        settings.dynamic_friction = min(max(known, value / 10), value)
+        most = settings.static_friction
+        known = settings.dynamic_friction if settings.dynamic_friction > 0 else most
+        settings.dynamic_friction = min(max(known, most / 10), most)
+    if name == "impact_gain" and (settings.impact_gain == 0 or settings.impact_frequency == 0):
+        gain = settings.impact_gain
+        fs.surface_set_impact(settings, "none" if gain == 0 else "medium")
+        settings.impact_gain = gain
     try:
-        if heights is not None:
-            target.surface = fs.surface_create_texture(settings, heights)
-        else:
-            target.surface = fs.surface_create(settings) if settings.static_friction != 0 else None
+        target.surface = make_surface(settings, heights)
     except fs.Error as error:
         raise refusal(error, "surface") from None
     if settings.static_friction != 0:
@@ -109,7 +123,7 @@ def _put_one(target: fs.Object, first: str, rest: str, value: Any) -> None:
     if first == "shape":
         target.shape = value if isinstance(value, fs.Shape) else make_shape(value)
     elif first == "surface":
-        put_surface(target, rest, float(value))
+        put_surface(target, rest, value)
     elif first == "primitive":
         target.primitive = fs.Primitive[str(value).upper()]
     elif first == "enabled":

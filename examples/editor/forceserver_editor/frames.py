@@ -35,6 +35,8 @@ def in_frame(value: fs.Object, theirs: fs.Frame, own: fs.Frame) -> fs.Object:
     solid = value.contact.copy()
     solid.stiffness, solid.limit, solid.damping = solid.stiffness * force / size, solid.limit * force, solid.damping * force / size
     made.contact = solid
+    if value.surface is not None:
+        made.surface = _surface(value.surface, size, force)
     if value.shape is not None and size != 1:
         points, triangles = np.asarray(value.shape.get_points()), value.shape.get_triangles()
         if triangles is None:
@@ -42,6 +44,14 @@ def in_frame(value: fs.Object, theirs: fs.Frame, own: fs.Frame) -> fs.Object:
         else:
             made.shape = fs.shape_create_mesh(points * size, triangles)
     return made
+
+
+def _surface(value: fs.Surface, size: float, force: float) -> fs.Surface:
+    settings, heights = value.get_settings(), value.get_heights()
+    for name in ("slip_distance", "column_width", "row_width", "first_column", "first_row"):
+        setattr(settings, name, getattr(settings, name) * size)
+    settings.impact_gain *= force / size
+    return fs.surface_create(settings) if heights is None else fs.surface_create_texture(settings, heights * size)
 
 
 def _profile(value: fs.Profile, size: float, force: float) -> fs.Profile:

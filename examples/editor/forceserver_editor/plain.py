@@ -25,6 +25,8 @@ PART_FIELDS = {
     int(fs.Part.SHAPE): ("primitive", "shape"),
     int(fs.Part.OTHER): ("lifetime", "tool_points", "enabled"),
 }
+# The settings of a surface as the page names them.
+SURFACE_FIELDS = ("static_friction", "dynamic_friction", "slip_distance", "impact_gain", "impact_frequency", "impact_decay")
 PART_OF = {field: bit for bit, fields in PART_FIELDS.items() for field in fields}
 ALL_PARTS = sum(PART_FIELDS)
 
@@ -76,7 +78,17 @@ def contact(value: fs.Contact) -> Plain:
 
 def surface(value: fs.Surface | None) -> Plain:
     settings = value.get_settings() if value is not None else fs.SurfaceSettings()
-    return {name: getattr(settings, name) for name in ("static_friction", "dynamic_friction", "slip_distance")}
+    return {"impact": impact(settings)} | {name: getattr(settings, name) for name in SURFACE_FIELDS}
+
+
+def impact(settings: fs.SurfaceSettings) -> str:
+    """The name of the impact that a surface has, or "own" for other figures."""
+    for preset in fs.Impact:
+        other = settings.copy()
+        fs.surface_set_impact(other, preset)
+        if other == settings:
+            return preset.name.lower()
+    return "own"
 
 
 def pose(value: fs.Pose) -> Plain:

@@ -288,6 +288,7 @@ public final class Player implements AutoCloseable {
       case "surface" -> {
         SurfaceSettings settings = new SurfaceSettings().staticFriction(number(step, "static"))
             .dynamicFriction(number(step, "dynamic")).slipDistance(number(step, "distance"));
+        if (step.containsKey("impact")) settings.impact(Impact.values()[(int) number(step, "impact")]);
         if (step.containsKey("heights")) {
           double[] heights = numbers(step.get("heights"));
           int columns = (int) number(step, "columns");
@@ -361,7 +362,7 @@ public final class Player implements AutoCloseable {
           SurfaceSettings settings = o.surface().settings();
           give(settings.staticFriction(), settings.dynamicFriction(), settings.slipDistance());
           give(o.surface().heights());
-          give(settings.columnWidth());
+          give(settings.columnWidth(), settings.impactGain(), settings.impactFrequency(), settings.impactDecay());
         }
       }
       case "motions" -> {

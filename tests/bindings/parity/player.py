@@ -132,11 +132,13 @@ class Player:
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
 
-    def do_surface(self, name, static, dynamic, distance, heights=None, columns=1, width=0):
+    def do_surface(self, name, static, dynamic, distance, impact=0, heights=None, columns=1, width=0):
         texture = {}
         if heights:
             texture = {"heights": [heights[i : i + columns] for i in range(0, len(heights), columns)], "width": width, "repeats": True}
-        self.surfaces[name] = fs.surface(static_friction=static, dynamic_friction=dynamic, slip_distance=distance, **texture)
+        self.surfaces[name] = fs.surface(
+            static_friction=static, dynamic_friction=dynamic, slip_distance=distance, impact=impact, **texture
+        )
 
     def do_profile(self, profile, t, distances, max_stiffness=0):
         self.give(fs.intensity(self.profile(profile), distances, t, max_stiffness=max_stiffness))
@@ -194,6 +196,7 @@ class Player:
             self.give(settings.static_friction, settings.dynamic_friction, settings.slip_distance)
             heights = o.surface.get_heights()
             self.give(*([] if heights is None else heights), settings.column_width)
+            self.give(settings.impact_gain, settings.impact_frequency, settings.impact_decay)
 
     def do_motions(self, client=None):
         for m in self.scene.get_motions(client):

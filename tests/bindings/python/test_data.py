@@ -393,6 +393,26 @@ def test_profiles_and_custom():
         fs.Custom([1, 2, 3], limit=1)
 
 
+def test_a_call_that_changes_a_struct_changes_it_in_place():
+    settings = fs.SurfaceSettings(static_friction=0.5, dynamic_friction=0.4)
+    assert fs.surface_set_impact(settings, "medium") is None
+    assert (settings.impact_gain, settings.impact_frequency, settings.impact_decay) == (8, 100, 80)
+    assert (settings.static_friction, settings.dynamic_friction) == (0.5, 0.4)
+    fs.surface_set_impact(settings, fs.Impact.NONE)
+    assert settings == fs.SurfaceSettings(static_friction=0.5, dynamic_friction=0.4)
+    with pytest.raises(ValueError, match="impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"):
+        fs.surface_set_impact(settings, "loud")
+    with pytest.raises(TypeError, match="settings must be a SurfaceSettings, not .*Pose"):
+        fs.surface_set_impact(fs.Pose(), "soft")
+    constant = settings._constant()
+    with pytest.raises(AttributeError, match="this SurfaceSettings is a copy"):
+        fs.surface_set_impact(constant, "soft")
+    assert constant.impact_gain == 0
+    view = np.asarray(settings)
+    fs.surface_set_impact(settings, "hard")
+    assert view["impact_gain"] == 10  # an array of it sees the change
+
+
 def test_surfaces():
     ice = fs.surface(static_friction=0.2, dynamic_friction=0.1, slip_distance=1e-3)
     assert ice.get_settings().dynamic_friction == 0.1 and ice.get_heights() is None
@@ -407,6 +427,11 @@ def test_surfaces():
         assert again.get_settings() == surface.get_settings()
         assert np.array_equal(again.get_heights(), surface.get_heights()) if surface is rough else again.get_heights() is None
     assert rough.get_heights().tolist() == heights.ravel().tolist()
+    metal, bell = fs.surface(impact="hard"), fs.surface(impact=(7.5, 123.25, 61), heights=heights, width=1e-3)
+    for surface, wanted in ((ice, [0, 0, 0]), (metal, [10, 250, 60]), (bell, [7.5, 123.25, 61])):
+        settings = pickle.loads(pickle.dumps(surface)).get_settings()
+        assert [settings.impact_gain, settings.impact_frequency, settings.impact_decay] == wanted
+    assert bell.get_heights().tolist() == heights.ravel().tolist()
     scene = fs.Scene()
     scene["slab"] = fs.Plane(contact=fs.Contact(keep="front", stiffness=1000, limit=5), surface=fs.surface(heights=[[-1e-3]]))
     with fs.Tool(scene) as tool:
@@ -420,3 +445,16 @@ def test_surfaces():
         fs.surface(heights=[[0, 1e-3]], width=1e-3)
     with pytest.raises(ValueError, match="axis 'w' is unknown; use 'z', 'x' or 'y'"):
         fs.surface(heights=[[0]], axis="w")
+    for impact, error, sentence in (
+        ("loud", ValueError, "impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"),
+        (4, ValueError, "impact is 4; use 'none', 'soft', 'medium' or 'hard'"),
+        (True, TypeError, "impact must be an enum, an int or a name"),
+        (2.5, TypeError, r"impact is 2.5, must be a name such as 'soft', or \(gain, frequency, decay\)"),
+        ((8, 100), TypeError, r"impact is \(8, 100\), must be a name such as 'soft', or \(gain, frequency, decay\)"),
+        (("a", 100, 80), TypeError, "impact_gain must be a number, not str"),
+        ((-1, 100, 80), fs.InvalidError, "impact_gain is -1, must be within 0..1000000"),
+        ((8, 0.5, 80), fs.InvalidError, "impact_frequency is 0.5, must be within 1..100000"),
+        ((8, 100, 0), fs.InvalidError, "impact_decay is 0, must be within 1..1000000"),
+    ):
+        with pytest.raises(error, match=sentence):
+            fs.surface(impact=impact)

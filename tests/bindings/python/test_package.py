@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import forceserver as fs
@@ -199,6 +200,8 @@ def run_example(example, folder):
 def test_examples(example, tmp_path):
     if "import matplotlib" in example.read_text():
         pytest.importorskip("matplotlib")
+    if "from PIL" in example.read_text():
+        pytest.importorskip("PIL")
     said = run_example(example, tmp_path)
     folder = "recipes" if example.parent.name == "recipes" else HAVE_TWINS.get(example.stem)
     if folder and (TWINS / folder / example.stem).exists():
@@ -206,8 +209,37 @@ def test_examples(example, tmp_path):
 
 
 def test_every_recipe_has_its_twin():
-    twins = {path.stem for path in (EXAMPLES / "recipes").glob("*.py")} - {"recipe"}
+    twins = {path.stem for path in (EXAMPLES / "recipes").glob("*.py")} - {"recipe", "image"}
     assert twins == {path.stem for path in (ROOT / "examples/recipes").glob("*.c")}
+
+
+def test_the_recipe_of_a_picture(tmp_path):
+    pytest.importorskip("PIL")
+    recipe, page = EXAMPLES / "recipes/image.py", ROOT / "examples/recipes/README.md"
+    assert python_lines(page) == [recipe.read_text()]
+    (output,) = re.findall(r"`image\.py`.*?```text\n(.*?)```", page.read_text(), re.S)
+    assert run_example(recipe, tmp_path) == output
+    # The middle of the dent is 1 mm deep, and it is where the picture has it; elsewhere the surface is as it would be without.
+    force = {tuple(map(float, at)): float(f) for *at, f in re.findall(r"\( *(\S+), *(\S+), *(\S+)\) mm .* (\S+)\) N", output)}
+    assert force[6, 5, -3] == 1.0 and force[-14, 5, -3] == 1.5 and force[6, -5, -3] > 1.48
+    # Sixteen bits and colours are read as well.
+    code = recipe.read_text()
+    assert code.count("\nwith tempfile") == 1
+    names = {}
+    sys.path.insert(0, str(recipe.parent))
+    try:
+        exec(code.partition("\nwith tempfile")[0], names)
+    finally:
+        sys.path.pop(0)
+    from PIL import Image
+
+    path = tmp_path / "three.png"
+    for picture, wanted in (
+        (Image.fromarray(np.array([[65535], [32768], [0]], np.uint16)), [-1, 32768 / 65535 - 1, 0]),
+        (Image.fromarray(np.array([[[255, 255, 255]], [[0, 255, 0]], [[0, 0, 0]]], np.uint8)), [-1, 150 / 255 - 1, 0]),
+    ):
+        picture.save(path)
+        assert names["heights_of"](path, 1).ravel().tolist() == pytest.approx(wanted)
 
 
 def test_the_figures_of_the_page(tmp_path):

@@ -68,6 +68,16 @@ static void get(fs_scene *scene, const char *name)
     profile("back", &o.back);
     printf("\"keep\": %d, \"stiffness\": %.17g, \"contact_limit\": %.17g, \"contact_damping\": %.17g, \"friction\": %.17g, ",
            o.contact.keep, o.contact.stiffness, o.contact.limit, o.contact.damping, o.contact.friction);
+    if (o.surface) {
+      fs_surface_settings s = fs_surface_settings_init();
+      size_t count;
+      const double *heights = fs_surface_get_heights(o.surface, &count);
+      fs_surface_get_settings(o.surface, &s);
+      printf("\"static_friction\": %.17g, \"slip_distance\": %.17g, \"column_width\": %.17g, ", s.static_friction, s.slip_distance,
+             s.column_width);
+      numbers("impact", &s.impact_gain, 3);
+      numbers("heights", heights, count);
+    }
     if (o.shape) {
       size_t points, triangles;
       const fs_vec3 *p = fs_shape_get_points(o.shape, &points);

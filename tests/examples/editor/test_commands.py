@@ -88,6 +88,51 @@ def test_a_change_of_several_is_taken_whole_or_not_at_all(started: Any) -> None:
     with_socket(editor, journey)
 
 
+def test_the_surface_of_a_solid(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    contact, heights = fs.Contact(keep="front", stiffness=100, limit=4), [[0, -1e-3, -5e-4]]
+    rover["cloth"] = fs.Plane(contact=contact, surface=fs.surface(heights=heights, width=2e-3, repeats=True))
+    editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        async def change(name: str, **fields: Any) -> Any:
+            return await s.ask("change", names=[name], fields={f"surface.{field}": value for field, value in fields.items()})
+
+        await s.ask("add", name="wall", primitive="plane", fields={"contact.keep": "front", "contact.limit": 3})
+        for name in ("editor/wall", "rover/cloth"):
+            short = name.removeprefix("editor/")
+            for fields, wanted, told in (
+                ({"impact": "medium"}, [8, 100, 80], "medium"),
+                ({"impact_gain": 5}, [5, 100, 80], "own"),
+                ({"impact_frequency": 60, "impact_decay": 30}, [5, 60, 30], "own"),
+                ({"impact": "hard"}, [10, 250, 60], "hard"),
+                ({"static_friction": 0.3}, [10, 250, 60], "hard"),
+                ({"static_friction": 0}, [10, 250, 60], "hard"),
+            ):
+                await change(short, **fields)
+                assert second.get(name)["impact"] == wanted, (name, fields)
+                await s.until(lambda s, short=short, told=told: s.objects[short]["surface"]["impact"] == told)
+            for field, value, sentence in (
+                ("impact", "loud", "impact 'loud' is unknown; use 'none', 'soft', 'medium' or 'hard'"),
+                ("impact_gain", -1, "impact_gain is -1, must be within 0..1000000"),
+                ("impact_frequency", 0.5, "impact_frequency is 0.5, must be within 1..100000"),
+                ("colour", 1, "surface has no field colour"),
+            ):
+                bad = await change(short, **{field: value})
+                assert bad["field"] == f"surface.{field}" and sentence in bad["text"], bad
+            await change(short, impact_gain=0)
+            if short == "wall":
+                assert "impact" not in second.get(name)  # it has no surface any more
+            else:
+                assert second.get(name)["impact"] == [0, 0, 0]
+            await change(short, impact_gain=3)
+            assert second.get(name)["impact"] == [3, 100, 80]  # as wood
+        assert second.get("rover/cloth")["heights"] == heights[0] and second.get("rover/cloth")["column_width"] == 2e-3
+
+    with_socket(editor, journey)
+
+
 def test_another_primitive(started: Any) -> None:
     editor, second = with_hazard(started)
     names = ["point", "polyline", "plane", "mesh"]
@@ -184,6 +229,10 @@ def test_a_copy_from_another_scale_feels_the_same(started: Any) -> None:
         rover[name] = fs.Plane(position=(0.2, 0, 0), front=profile, back=profile, damping=3)
     rover["line"] = fs.Polyline([(0, 0, 0), (0.4, 0, 0)], front=PROFILES["gaussian"])
     rover["part"] = fs.Mesh([(0, 0, 0), (0.4, 0, 0), (0, 0.4, 0)], [[0, 1, 2]], contact=fs.Contact(keep="front", stiffness=100, limit=4, damping=2, friction=0.3))
+    rough = fs.surface(heights=[[0, -8e-3]], width=4e-3, impact="medium")
+    rover["cloth"] = fs.Plane(contact=fs.Contact(keep="front", stiffness=100, limit=4), surface=rough)
+    ice = fs.surface(static_friction=0.4, dynamic_friction=0.2, slip_distance=8e-3)
+    rover["ice"] = fs.Plane(contact=fs.Contact(keep="front", stiffness=100, limit=4), surface=ice)
     editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
 
     async def journey(s: Socket) -> None:
@@ -205,6 +254,13 @@ def test_a_copy_from_another_scale_feels_the_same(started: Any) -> None:
         part = second.get("editor/part")
         assert part["points"][3] == 0.05 and part["triangles"] == 1 and part["friction"] == 0.3
         assert (part["stiffness"], part["contact_limit"], part["contact_damping"]) == (200, 1, 4)
+        await s.ask("adopt", name="rover/cloth")
+        cloth = second.get("editor/cloth")
+        assert cloth["impact"] == [16, 100, 80] and cloth["heights"] == [0, -1e-3] and cloth["column_width"] == 5e-4
+        await s.ask("adopt", name="rover/ice")
+        assert (second.get("editor/ice")["static_friction"], second.get("editor/ice")["slip_distance"]) == (0.4, 1e-3)
+        await s.ask("undo")
+        await s.ask("undo")
         await s.ask("undo")
         assert second.get("editor/part")["status"] == "FS_ERROR_NOT_FOUND"
         await s.ask("frame", fields={"force_scale": 0})

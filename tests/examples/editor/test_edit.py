@@ -513,6 +513,20 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
         eventually(lambda told=told, value=value: get()[told] == value)
     page.set("contact.friction", "3")
     assert "0..2" in page.error("contact.friction")
+    # Its surface.
+    assert page.field("surface.impact_frequency").is_hidden()
+    page.choose("surface.impact", "medium")
+    eventually(lambda: get().get("impact") == [8, 100, 80])
+    for i, (path, value) in enumerate((("impact_gain", 5), ("impact_frequency", 60), ("impact_decay", 30))):
+        page.set(f"surface.{path}", str(value))
+        eventually(lambda i=i, value=value: get()["impact"][i] == value)
+    page.wait_for_function("document.querySelector('#panel select[data-path=\"surface.impact\"]').value === 'own'")
+    page.set("surface.impact_frequency", "0")
+    assert "1..100000" in page.error("surface.impact_frequency")
+    page.choose("surface.impact", "none")
+    eventually(lambda: "impact" not in get())
+    page.choose("surface.impact", "own")
+    assert "fields below" in page.error("surface.impact") and page.field("surface.impact").input_value() == "none"
     # The rest.
     for path, value in (("damping", 1.5), ("lifetime", 1000), ("start", 12.5)):
         page.set(path, str(value))

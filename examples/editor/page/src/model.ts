@@ -9,7 +9,10 @@ export interface Profile {
   kind: string; sense: string; gain: number; offset: number; width: number; limit: number; reach: number; curve: Curve | null;
 }
 export interface Contact { keep: string; stiffness: number; limit: number; damping: number; friction: number }
-export interface Surface { static_friction: number; dynamic_friction: number; slip_distance: number }
+export interface Surface {
+  static_friction: number; dynamic_friction: number; slip_distance: number;
+  impact: string; impact_gain: number; impact_frequency: number; impact_decay: number;
+}
 export interface ShapeInfo { hash: string; points: number; triangles: number; closed: boolean; centre: Vec; radius: number }
 export interface Told {
   id: number; name: string; short: string; client: string; own: boolean; primitive: Primitive;

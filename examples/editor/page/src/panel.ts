@@ -2,7 +2,7 @@
 
 import { fromDegrees, length, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, over, parse, put, shown } from "./fields";
-import { type Item, type Model, type Profile, newtons } from "./model";
+import { type Item, type Model, type Profile, type Surface, newtons } from "./model";
 import type { Fields, Orders } from "./orders";
 import { ofKind, smooth, uses } from "./profiles";
 import { askForMesh } from "./dialogs";
@@ -12,6 +12,9 @@ const primitives: [string, string][] = [["point", "point"], ["polyline", "polyli
 const senses: [string, string][] = [["attractive", "attractive (to it)"], ["repulsive", "repulsive (away)"]];
 const keeps: [string, string][] = [
   ["none", "not solid"], ["front", "front: an obstacle"], ["back", "back: an envelope"], ["either", "either: a sheet"],
+];
+const impacts: [string, string][] = [
+  ["none", "none"], ["soft", "soft: rubber"], ["medium", "medium: wood"], ["hard", "hard: metal"], ["own", "figures of your own"],
 ];
 
 interface Twist { linear: number[]; angular: number[] }
@@ -230,15 +233,27 @@ export class Panel {
       this.add(box, field, (item) => item.told.contact[name] as number,
         () => this.items.every((item) => item.told.contact.keep !== "none"));
     }
-    const surface: [keyof Item["told"]["surface"], string, string, string][] = [
-      ["static_friction", "static friction", "", "While it sticks, 0 to 2; instead of the friction above"],
-      ["dynamic_friction", "dynamic friction", "", "While it slips, a tenth of the static one at least"],
-      ["slip_distance", "slip distance", "m", "Over which the one becomes the other"],
-    ];
-    for (const [name, label, unit, title] of surface) {
-      const isThere = (item: Item) => item.told.contact.keep !== "none" && (name === "static_friction" || item.told.surface.static_friction > 0);
+    this.makeSurface(box);
+  }
+
+  /** needs: the setting without which a field is not there. */
+  private makeSurface(box: HTMLElement): void {
+    const isSolid = (item: Item) => item.told.contact.keep !== "none";
+    const addNumber = (name: keyof Surface, label: string, unit: string, title: string, needs?: "static_friction" | "impact_gain") => {
+      const isThere = (item: Item) => isSolid(item) && (needs === undefined || item.told.surface[needs] > 0);
       this.add(box, numberField(`surface.${name}`, label, unit, this.send, title), (item) => item.told.surface[name], () => this.items.every(isThere));
-    }
+    };
+    addNumber("static_friction", "static friction", "", "While it sticks, 0 to 2; instead of the friction above");
+    addNumber("dynamic_friction", "dynamic friction", "", "While it slips, a tenth of the static one at least", "static_friction");
+    addNumber("slip_distance", "slip distance", "m", "Over which the one becomes the other", "static_friction");
+    const impact = new ChoiceField("surface.impact", "impact", impacts, (path, value) => {
+      if (value !== "own") return this.send(path, value);
+      return Promise.reject({ text: "Type figures of your own into the fields below" });
+    });
+    this.add(box, impact, (item) => item.told.surface.impact, () => this.items.every(isSolid));
+    addNumber("impact_gain", "impact gain", "N s/m", "Newtons for each m/s at which a point hits it; 0: no impact");
+    addNumber("impact_frequency", "impact frequency", "Hz", "How fast it rings, 1 Hz at least", "impact_gain");
+    addNumber("impact_decay", "impact decay", "1/s", "After 1 / decay seconds a third of it is left; 1/s at least", "impact_gain");
   }
 
   private makeOther(): void {

@@ -40,6 +40,16 @@ class StructTest {
     assertEquals(0.5, object.contact().friction());
   }
 
+  @Test void a_call_that_changes_a_struct_changes_it_in_place() {
+    SurfaceSettings settings = new SurfaceSettings().staticFriction(0.5).dynamicFriction(0.4);
+    assertSame(settings, settings.impact(Impact.MEDIUM));
+    assertEquals(8, settings.impactGain());
+    assertEquals(100, settings.impactFrequency());
+    assertEquals(80, settings.impactDecay());
+    assertEquals(0.5, settings.staticFriction());
+    assertEquals(new SurfaceSettings().staticFriction(0.5).dynamicFriction(0.4), settings.impact(Impact.NONE));
+  }
+
   @Test void texts() {
     ForceObject object = ForceObject.of("Grüße 😀", Primitive.POINT);
     assertEquals("Grüße 😀", object.name());
