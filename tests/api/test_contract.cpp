@@ -183,6 +183,9 @@ static const std::vector<Call> calls{
        fs_surface** out = but(n, 2, &new_surface);
        return made(out, fs_surface_create_texture(but(n, 0, &w.rough), but(n, 1, w.heights.data()), 3, out));
      }},
+    {"fs_surface_set_impact", 1, FS_OK, [](World& w, int n) {
+       return fs_surface_set_impact(but(n, 0, &w.settings), FS_IMPACT_HARD);
+     }},
     {"fs_surface_get_settings", 2, FS_OK, [](World& w, int n) {
        return fs_surface_get_settings(but(n, 0, w.surface), but(n, 1, &w.settings));
      }},

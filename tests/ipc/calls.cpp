@@ -51,6 +51,8 @@ std::vector<Call> all_calls(const std::string& path) {
       {"fs_scene_set_clutch", [](fs_scene* s) { return fs_scene_set_clutch(s, false); }},
       {"fs_scene_set_tool", [](fs_scene* s) { return fs_scene_set_tool(s, &pose.position, 1); }},
       {"fs_scene_get_tool", [](fs_scene* s) { size_t n; return fs_scene_get_tool(s, nullptr, 0, &n); }},
+      {"fs_scene_set_tool_radius", [](fs_scene* s) { return fs_scene_set_tool_radius(s, 0); }},
+      {"fs_scene_get_tool_radius", [](fs_scene* s) { double r; return fs_scene_get_tool_radius(s, &r); }},
       {"fs_scene_set_accuracy", [](fs_scene* s) { return fs_scene_set_accuracy(s, 0); }},
       {"fs_scene_set_max_stiffness", [](fs_scene* s) { return fs_scene_set_max_stiffness(s, 0); }},
       {"fs_scene_get_time", [](fs_scene* s) { double t; return fs_scene_get_time(s, &t); }},

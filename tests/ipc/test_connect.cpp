@@ -188,6 +188,7 @@ static std::vector<std::pair<const char*, std::function<fs_status()>>> calls(fs_
       {"set_clutch", [=] { return fs_scene_set_clutch(scene, true); }},
       {"set_tool", [=] { return fs_scene_set_tool(scene, &point, 1); }},
       {"get_tool", [=] { return fs_scene_get_tool(scene, nullptr, 0, &count); }},
+      {"set_tool_radius", [=] { return fs_scene_set_tool_radius(scene, 0); }},
       {"set_accuracy", [=] { return fs_scene_set_accuracy(scene, 1); }},
       {"set_max_stiffness", [=] { return fs_scene_set_max_stiffness(scene, 0); }},
       {"get_time", [=] {

@@ -368,6 +368,15 @@ class Scene(_core.Scene):
     def tool(self, points: ArrayLike) -> None:
         self.set_tool(points)
 
+    @property
+    def tool_radius(self) -> float:
+        """The radius of the tool's points (m); 0: they are points."""
+        return self.get_tool_radius()
+
+    @tool_radius.setter
+    def tool_radius(self, radius: float) -> None:
+        self.set_tool_radius(radius)
+
     # ---- What is felt
 
     def evaluate(

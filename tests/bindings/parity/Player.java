@@ -129,6 +129,7 @@ public final class Player implements AutoCloseable {
     give(view.frame().scale(), view.frame().forceScale());
     give(view.tool());
     give(view.held());
+    give(view.pointRadius());
     for (int i = 0; i < view.pointCount(); ++i) give(view.points(i));
   }
 
@@ -412,6 +413,10 @@ public final class Player implements AutoCloseable {
       }
       case "get_points" -> scene.tool().forEach(this::give);
       case "points" -> scene.setTool(array(vectors(step.get("points"))));
+      case "radius" -> {
+        scene.setToolRadius(number(step, "radius"));
+        give(scene.toolRadius());
+      }
       case "clutch" -> scene.setClutch((Boolean) step.get("held"));
       case "view" -> {
         give(scene.view(client));

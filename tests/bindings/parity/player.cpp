@@ -43,7 +43,7 @@ void give(const fs_twist& twist) { give(twist.linear), give(twist.angular); }
 void give(const fs_wrench& wrench) { give(wrench.force), give(wrench.torque); }
 void give(const fs_frame& frame) { give(frame.pose), give(frame.scale), give(frame.force_scale); }
 void give(const fs_view& view) {
-  give(view.frame), give(view.tool), give(view.held);
+  give(view.frame), give(view.tool), give(view.held), give(view.point_radius);
   for (uint32_t i = 0; i < view.point_count; ++i) give(view.points[i]);
 }
 void give(const fs_report& r) {
@@ -392,6 +392,11 @@ class Player {
     } else if (verb == "points") {
       const auto points = vectors(step.at("points"));
       check(fs_scene_set_tool(scene_, points.data(), points.size()));
+    } else if (verb == "radius") {
+      check(fs_scene_set_tool_radius(scene_, step.at("radius")));
+      double radius;
+      check(fs_scene_get_tool_radius(scene_, &radius));
+      give(radius);
     } else if (verb == "get_points") {
       fs_vec3 points[FS_TOOL_POINTS_MAX];
       size_t count = 0;

@@ -256,6 +256,10 @@ class Player:
     def do_points(self, points):
         self.scene.set_tool(np.reshape(points, (-1, 3)))
 
+    def do_radius(self, radius):
+        self.scene.set_tool_radius(radius)
+        self.give(self.scene.get_tool_radius())
+
     def do_clutch(self, held):
         self.scene.set_clutch(held)
 
@@ -264,7 +268,7 @@ class Player:
         self.give_pose(view.frame.pose)
         self.give(view.frame.scale, view.frame.force_scale)
         self.give_pose(view.tool)
-        self.give(view.held, view.points[: view.point_count])
+        self.give(view.held, view.point_radius, view.points[: view.point_count])
 
     def do_views(self):
         for each in self.scene.get_views():
@@ -273,7 +277,7 @@ class Player:
             self.give(view["frame"]["pose"]["position"], view["frame"]["pose"]["orientation"])
             self.give(view["frame"]["scale"], view["frame"]["force_scale"])
             self.give(view["tool"]["position"], view["tool"]["orientation"])
-            self.give(view["held"], view["points"][: view["point_count"]])
+            self.give(view["held"], view["point_radius"], view["points"][: view["point_count"]])
 
     def do_servo(self):
         if not self.connected:

@@ -103,7 +103,11 @@ def test_fields_of_a_scene(scene):
     scene.frame = fs.Frame(pose=fs.Pose(orientation=(1, 0, 0, 0)), scale=2, force_scale=0.5)
     scene.clutch = True
     scene.tool = [[0, 0, 0], [1, 0, 0]]
+    scene.tool_radius = 0.25
     scene.time = 7
+    assert scene.tool_radius == 0.25
+    with pytest.raises(fs.Error, match="radius is -1 m"):
+        scene.tool_radius = -1
     assert scene.frame.scale == 2 and scene.clutch and scene.tool.shape == (2, 3) and scene.time == 7
     with pytest.raises(AttributeError, match="is a copy"):
         scene.frame.scale = 3

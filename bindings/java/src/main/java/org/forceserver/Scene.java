@@ -258,6 +258,18 @@ public final class Scene extends Handle {
         (memory, at) -> Vec3.read(memory.bytes, at));
   }
 
+  /** Sets the radius of the tool's points, m; 0: they are points. */
+  public void setToolRadius(double radius) {
+    call(scene -> Native.fs_scene_set_tool_radius(scene, radius));
+  }
+
+  /** The radius of the tool's points, m. */
+  public double toolRadius() {
+    double[] out = new double[1];
+    call(scene -> Native.fs_scene_get_tool_radius(scene, out));
+    return out[0];
+  }
+
   /** Where the tool stands: frame, clutch and tool, all of one instant. */
   public View view() {
     return view(null);

@@ -121,6 +121,10 @@ class SceneTest {
       tool.reset();
       scene.setTool(Support.UP, new Vec3(0, 1, 0));
       assertEquals(List.of(Support.UP, new Vec3(0, 1, 0)), scene.tool());
+      scene.setToolRadius(0.25);
+      assertEquals(0.25, scene.toolRadius());
+      assertEquals(0.25, scene.view().pointRadius());
+      Support.refused(Status.ERROR_INVALID, "radius is -1 m", () -> scene.setToolRadius(-1));
       Support.refused(Status.ERROR_INVALID, "position", () -> tool.evaluate(state.pose(Support.at(Double.NaN, 0, 0)), response));
       assertEquals(Support.ORIGIN, response.wrench().force());  // as C leaves it: zeros
     }
