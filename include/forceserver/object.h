@@ -431,6 +431,12 @@ FS_API fs_status fs_surface_create(const fs_surface_settings *settings, fs_surfa
 FS_API fs_status fs_surface_create_texture(const fs_surface_settings *settings, const double *heights, size_t count,
                                            fs_surface **out);
 
+/* A surface with a texture whose heights (m, -1..0) an expression in the place x, y, z (m, object frame) gives at the columns *
+ * rows places of the grid; the coordinate along the axis is 0 there. So the grid says how finely it is sampled, and where it is
+ * repeated. text: as for fs_curve_create_expression, but for the names d and t; it is not kept. INVALID, PARSE, VERSION;
+ * UNSUPPORTED where the library was built without expressions. */
+FS_API fs_status fs_surface_create_expression(const fs_surface_settings *settings, const char *text, fs_surface **out);
+
 /* Fills out, which fs_surface_settings_init made, with the settings of a surface. VERSION. */
 FS_API fs_status fs_surface_get_settings(const fs_surface *surface, fs_surface_settings *out);
 

@@ -266,6 +266,16 @@ fs_status fs_surface_create_texture(const fs_surface_settings* settings, const d
   });
 }
 
+fs_status fs_surface_create_expression(const fs_surface_settings* settings, const char* text, fs_surface** out) {
+  return guarded([&] {
+    require_pointer(settings, "settings");
+    require_pointer(text, "text");
+    require_pointer(out, "out");
+    const fs_surface_settings known = read_grown(settings);
+    give(make_surface(known, heights_of(known, text)), out);
+  });
+}
+
 const double* fs_surface_get_heights(const fs_surface* surface, size_t* count) {
   if (count) *count = 0;
   if (!surface || !count) {

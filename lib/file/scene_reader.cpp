@@ -305,6 +305,14 @@ class SceneReader {
     fields.read("row_width", out.row_width);
     fields.read("first_column", out.first_column);
     fields.read("first_row", out.first_row);
+    if (fields.find("expression")) {
+      const std::string expression = fields.text("expression");
+      fields.read("columns", out.columns);
+      fields.read("rows", out.rows);
+      fields.finish();  // so a texture has no heights, too
+      heights = heights_of(out, expression.c_str());
+      return;
+    }
     const Json& rows = fields.need("heights");
     const char* const wanted = "a list of rows of equal length, [[...], ...]";
     const auto list_of = [&](const Json& of) -> const Json::List& {

@@ -25,11 +25,6 @@ constexpr struct {
     {"m_pi", "write _pi"},
     {"e", "write _e, or exp(a)"},
     {"m_e", "write _e, or exp(a)"},
-    {"x", "the distance is d"},
-    {"r", "the distance is d"},
-    {"dist", "the distance is d"},
-    {"distance", "the distance is d"},
-    {"time", "the time is t"},
     {"fabs", "write abs(a)"},
     {"round", "write rint(a)"},
     {"sgn", "write sign(a)"},
@@ -44,13 +39,23 @@ constexpr struct {
     {"arctan", "write atan(a)"},
 };
 
+constexpr struct {
+  const char *name, *hint;
+} profile_hints[] = {
+    {"x", "the distance is d"},
+    {"r", "the distance is d"},
+    {"dist", "the distance is d"},
+    {"distance", "the distance is d"},
+    {"time", "the time is t"},
+};
+
 std::string names_of(const auto& map) {
   std::string out;
   for (const auto& entry : map) out += " " + entry.first;
   return out;
 }
 
-std::string sentence_on_name(const std::string& name) {
+std::string sentence_on_name(const std::string& name, const Variables& variables) {
   const mu::Parser parser;
   std::string lower = name;
   std::transform(name.begin(), name.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
@@ -60,8 +65,12 @@ std::string sentence_on_name(const std::string& name) {
   for (const auto& [other, text] : hints) {
     if (lower == other) hint = text;
   }
-  if (functions.count(lower) || lower == "d" || lower == "t") hint = "write " + lower;
-  return "the name is unknown" + (hint.empty() ? "" : " (" + hint + ")") + "; the names are the distance d (m), the time t (s)," +
+  for (const auto& [other, text] : profile_hints) {
+    if (lower == other && variables.letters == of_profile.letters) hint = text;
+  }
+  const bool is_variable = lower.size() == 1 && std::strchr(variables.letters, lower[0]);
+  if (functions.count(lower) || is_variable) hint = "write " + lower;
+  return "the name is unknown" + (hint.empty() ? "" : " (" + hint + ")") + "; the names are " + variables.meaning + "," +
          names_of(parser.GetConst()) + names_of(functions);
 }
 
@@ -118,13 +127,13 @@ void check_expression(const std::string& text) {
   }
 }
 
-void fail_expression(const std::string& text, const mu::ParserError& error) {
+void fail_expression(const std::string& text, const mu::ParserError& error, const Variables& variables) {
   const std::string& token = error.GetToken();
   size_t place = std::min(static_cast<size_t>(std::max(0, static_cast<int>(error.GetPos()))), text.size() - 1);
   std::string sentence = error.GetMsg();
   switch (error.GetCode()) {
     case mu::ecUNASSIGNABLE_TOKEN:
-      sentence = is_letter(text[place]) ? sentence_on_name(token)
+      sentence = is_letter(text[place]) ? sentence_on_name(token, variables)
                                         : "it is not an operator; use + - * / ^ < > <= >= == != && || and a ? b : c";
       break;
     case mu::ecUNEXPECTED_EOF:

@@ -74,7 +74,7 @@ Ref<const Curve> make_expression_curve(const char* text) {
     }
     return make_ref<const ExpressionCurve>(expression, std::move(parser));
   } catch (const mu::ParserError& error) {
-    fail_expression(expression, error);
+    fail_expression(expression, error, of_profile);
   }
 }
 

@@ -11,7 +11,6 @@ namespace fs {
 namespace {
 
 constexpr uint32_t most_heights = 1 << 20;  // in a grid
-constexpr double deepest_allowed = 1;       // m
 
 void check_count(uint32_t count, const char* field) {
   if (count < 1 || count > most_heights) fail(FS_ERROR_INVALID, "%s is %u, must be within 1..%u", field, count, most_heights);
@@ -98,31 +97,36 @@ size_t Texture::Direction::cell(double place, double& within, bool& is_beyond) c
   return out;
 }
 
-Texture::Texture(const fs_surface_settings& of, std::span<const double> heights) {
+void Texture::check(const fs_surface_settings& of) {
   check_count(of.columns, "columns");
   check_count(of.rows, "rows");
   const uint64_t all = uint64_t{of.columns} * of.rows;
   if (all > most_heights)
     fail(FS_ERROR_INVALID, "columns * rows is %llu, must be at most %u", static_cast<unsigned long long>(all), most_heights);
-  if (heights.size() != all) {
-    fail(FS_ERROR_INVALID, "count is %zu, must be columns * rows (%u * %u)", heights.size(), of.columns, of.rows);
-  }
   check_width(of.column_width, of.columns, "column_width");
   check_width(of.row_width, of.rows, "row_width");
   check_begin(of.first_column, "first_column");
   check_begin(of.first_row, "first_row");
   const int32_t axis = raw_value(of.axis);
   if (axis < FS_AXIS_Z || axis > FS_AXIS_Y) fail(FS_ERROR_INVALID, "axis is %d, must be an fs_axis (0..2)", axis);
+}
+
+Texture::Texture(const fs_surface_settings& of, std::span<const double> heights) {
+  check(of);
+  if (heights.size() != uint64_t{of.columns} * of.rows) {
+    fail(FS_ERROR_INVALID, "count is %zu, must be columns * rows (%u * %u)", heights.size(), of.columns, of.rows);
+  }
   for (size_t i = 0; i < heights.size(); ++i) {
-    if (!(heights[i] <= 0 && heights[i] >= -deepest_allowed)) {
-      fail(FS_ERROR_INVALID, "heights[%zu] is %.9g, must be within %g..0 m", i, heights[i], -deepest_allowed);
+    if (!(heights[i] <= 0 && heights[i] >= -deepest_height)) {
+      fail(FS_ERROR_INVALID, "heights[%zu] is %.9g, must be within %g..0 m", i, heights[i], -deepest_height);
     }
   }
+  const auto axis = static_cast<unsigned>(of.axis);
   const auto direction = [&](uint32_t count, double width, double begin, unsigned along) {
     return Direction{count, width > 0 ? width : 1, begin, of.repeats || count == 1, along % 3};
   };
-  columns_ = direction(of.columns, of.column_width, of.first_column, static_cast<unsigned>(axis));
-  rows_ = direction(of.rows, of.row_width, of.first_row, static_cast<unsigned>(axis) + 1);
+  columns_ = direction(of.columns, of.column_width, of.first_column, axis);
+  rows_ = direction(of.rows, of.row_width, of.first_row, axis + 1);
   heights_.assign(heights.begin(), heights.end());
 
   const size_t width = columns_.padded();

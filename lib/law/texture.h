@@ -13,9 +13,13 @@
 
 namespace fs {
 
+inline constexpr double deepest_height = 1;  // m, below the surface
+
 class Texture {
  public:
-  // The fields of a surface's settings that are of its texture. Throws INVALID.
+  // Checks the fields of a surface's settings that are of its texture. Throws INVALID.
+  static void check(const fs_surface_settings& settings);
+  // Throws INVALID.
   Texture(const fs_surface_settings& settings, std::span<const double> heights);
 
   struct Sample {
@@ -56,5 +60,9 @@ class Texture {
   Direction columns_, rows_;
   double steepest_ = 0, most_curved_ = 0, deepest_ = 0;
 };
+
+// The heights that an expression in x, y and z (m, object frame) gives at the places of the grid, where the coordinate along its axis
+// is 0. Throws INVALID, PARSE; UNSUPPORTED: built without expressions.
+std::vector<double> heights_of(const fs_surface_settings& settings, const char* expression);
 
 }  // namespace fs

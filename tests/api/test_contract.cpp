@@ -183,6 +183,10 @@ static const std::vector<Call> calls{
        fs_surface** out = but(n, 2, &new_surface);
        return made(out, fs_surface_create_texture(but(n, 0, &w.rough), but(n, 1, w.heights.data()), 3, out));
      }},
+    {"fs_surface_create_expression", 3, FS_OK, [](World& w, int n) {
+       fs_surface** out = but(n, 2, &new_surface);
+       return made(out, fs_surface_create_expression(but(n, 0, &w.rough), but(n, 1, "-1e-2*x"), out));
+     }},
     {"fs_surface_set_impact", 1, FS_OK, [](World& w, int n) {
        return fs_surface_set_impact(but(n, 0, &w.settings), FS_IMPACT_HARD);
      }},

@@ -452,6 +452,87 @@ START_TEST(textures_in_files) {
 }
 END_TEST
 
+// The heights of an expression are those that it has at the places of the grid.
+START_TEST(heights_by_an_expression) {
+  if (!has_expressions()) return;
+  const struct {
+    const char* text;
+    fs_axis axis;
+    double (*of)(double column, double row);
+  } cases[] = {
+      {"5e-5*(cos(2*_pi*x/1e-3) - 1)", FS_AXIS_Z, [](double x, double) { return 5e-5 * (std::cos(wave * x) - 1); }},
+      {"-abs(x) - y^2 - z", FS_AXIS_Z, [](double x, double y) { return -std::fabs(x) - y * y; }},
+      {"-abs(y) - z^2 + x", FS_AXIS_X, [](double y, double z) { return -std::fabs(y) - z * z; }},
+      {"z > 0 ? -1e-3 : -abs(x + y)", FS_AXIS_Y, [](double z, double x) { return z > 0 ? -1e-3 : -std::fabs(x); }},
+  };
+  for (const auto& [text, axis, of] : cases) {
+    Grid grid([&](double column, double row) { return of(column - 3e-4, row + 2e-4); }, 16, 8);
+    grid.settings.axis = axis;
+    grid.settings.first_column = -3e-4;
+    grid.settings.first_row = 2e-4;
+    fs_surface* raw = nullptr;
+    OK(fs_surface_create_expression(&grid.settings, text, &raw));
+    const Surface surface(raw);
+    size_t count = 0;
+    const double* const heights = fs_surface_get_heights(raw, &count);
+    ck_assert_uint_eq(count, 16 * 8);
+    for (size_t i = 0; i < count; ++i) EXPECT_NEAR(heights[i], grid.heights[i], 1e-15);
+  }
+  const Grid grid(ridges);
+  const struct {
+    fs_status status;
+    const char *text, *words;
+  } bad[] = {
+      {FS_ERROR_INVALID, "1e-9", "the expression is 1e-09 at x = 0, y = 0, z = 0, must be within -1..0 m"},
+      {FS_ERROR_INVALID, "-1e-3/(x - 1e-3/16*7)", "must be within -1..0 m"},
+      {FS_ERROR_INVALID, "-1/(x - 1e-3/2)", "at x = 0, y = 0, z = 0"},
+      {FS_ERROR_INVALID, "-sqrt(5e-4 - x)", "nan at x = 0.0005625, y = 0, z = 0"},
+      {FS_ERROR_INVALID, "y > 5e-4 ? log(0) : 0", "the expression is -inf at x = 0, y = 0.0005625, z = 0"},
+      {FS_ERROR_INVALID, "-2", "the expression is -2"},
+      {FS_ERROR_PARSE, "", "is empty"},
+      {FS_ERROR_PARSE, "-d", "at 'd': the name is unknown; the names are the place x, y, z (m),"},
+      {FS_ERROR_PARSE, "-X", "write x"},
+      {FS_ERROR_PARSE, "-t", "the name is unknown"},
+      {FS_ERROR_PARSE, "-(x", "it is not closed"},
+      {FS_ERROR_PARSE, "x = 3", "assignment"},
+      {FS_ERROR_PARSE, "-pow(x, 2)", "write a^b"},
+  };
+  for (const auto& [status, text, words] : bad) {
+    fs_surface* out = nullptr;
+    EXPECT_SENTENCE(status, fs_surface_create_expression(&grid.settings, text, &out), words);
+    ck_assert_ptr_null(out);
+  }
+  fs_surface* out = nullptr;
+  Grid large(ridges);
+  large.settings.rows = 100000000;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_surface_create_expression(&large.settings, "-x", &out), "rows is 100000000");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_surface_create_expression(&grid.settings, std::string(300, ' ').append("0").c_str(), &out),
+                  "more than 255 bytes");
+  // In a file: the same heights.
+  const Folder folder;
+  const std::string path = folder / "scene.json";
+  const auto load = [&](const Scene& scene, const std::string& texture) {
+    std::ofstream(path) << R"({"forceserver": "scene", "version": 1, "surfaces": {"rough": {"texture": )" << texture
+                        << R"(}}, "objects": [{"name": "a", "primitive": "plane", "surface": "rough"}]})";
+    return fs_scene_load(scene.get(), path.c_str());
+  };
+  const Scene scene = make_scene();
+  OK(load(scene, R"({"expression": "-x", "columns": 3, "rows": 2, "column_width": 0.01, "row_width": 0.02, "repeats": true})"));
+  fs_object a = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
+  OK(fs_object_get(scene.get(), "a", &a));
+  size_t count = 0;
+  const double* const heights = fs_surface_get_heights(a.surface, &count);
+  const double wanted[] = {0, -0.01, -0.02, 0, -0.01, -0.02};
+  ck_assert_uint_eq(count, 6);
+  for (size_t i = 0; i < 6; ++i) EXPECT_NEAR(heights[i], wanted[i], 1e-16);
+  fs_object_release(&a);
+  EXPECT_SENTENCE(FS_ERROR_PARSE, load(scene, R"({"expression": "-x"})"), "columns is 0");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, load(scene, R"({"expression": "-q", "columns": 1, "rows": 1})"), "at 'q'");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, load(scene, R"({"expression": 3, "columns": 1, "rows": 1})"), "expression");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, load(scene, R"({"expression": "-x", "heights": [[0]], "columns": 1, "rows": 1})"), "\"heights\" is unknown");
+}
+END_TEST
+
 }  // namespace
 
 int main() {
@@ -460,6 +541,6 @@ int main() {
            {the_force_is_the_gradient_of_one_energy, it_is_that_of_the_heights, axes_and_borders, the_limit_is_that_of_the_whole,
             no_closed_way_gives_energy, what_sticks_loses_nothing, meshes_are_as_planes, in_a_corner_the_forces_add});
   add_case(suite, "the loop", {it_wants_what_it_slopes, heights_are_reduced_to_what_is_granted});
-  add_case(suite, "handles", {bad_grids_are_refused_by_name, odd_grids_do_no_harm, textures_in_files});
+  add_case(suite, "handles", {bad_grids_are_refused_by_name, odd_grids_do_no_harm, textures_in_files, heights_by_an_expression});
   return run_suite(suite);
 }

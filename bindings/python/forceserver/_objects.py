@@ -315,7 +315,8 @@ def surface(
     dynamic_friction: float | None = None,
     slip_distance: float = 0,
     impact: int | _ImpactName | tuple[float, float, float] = "none",
-    heights: ArrayLike | None = None,
+    heights: ArrayLike | str | None = None,
+    count: tuple[int, int] = (0, 0),
     width: float | tuple[float, float] = 0,
     first: tuple[float, float] = (0, 0),
     axis: Axis | Literal["x", "y", "z"] = "z",
@@ -330,7 +331,8 @@ def surface(
     frequency, decay) in N s/m, Hz and 1/s.
 
     heights: a texture, m, -1..0, an array of shape (rows, columns) that is projected along `axis`: with "z" the columns go along x
-    and the rows along y, with "x" along y and z, with "y" along z and x. width: m, from one height to the next, or those of columns
+    and the rows along y, with "x" along y and z, with "y" along z and x. Or an expression in x, y and z (m), with how many columns
+    and rows it is sampled at in count. width: m, from one height to the next, or those of columns
     and rows. first: m, the place of the first height. repeats: the grid is repeated without end. See fs_surface_settings.
     """
     settings = SurfaceSettings(
@@ -340,17 +342,22 @@ def surface(
     )
     _put_impact(settings, impact)
     if heights is None:
-        if width != 0 or first != (0, 0) or axis != "z" or repeats:
-            raise TypeError("width, first, axis and repeats are those of heights, which are missing")
+        if count != (0, 0) or width != 0 or first != (0, 0) or axis != "z" or repeats:
+            raise TypeError("count, width, first, axis and repeats are those of heights, which are missing")
         return _core.surface_create(settings)
-    grid = np.asarray(heights, dtype=float)
-    if grid.ndim != 2:
-        raise TypeError(f"heights have the shape {grid.shape}, must have (rows, columns)")
-    settings.rows, settings.columns = grid.shape
     settings.column_width, settings.row_width = width if isinstance(width, tuple) else (width, width)
     settings.first_column, settings.first_row = first
     settings.axis = axis
     settings.repeats = repeats
+    if isinstance(heights, str):
+        settings.columns, settings.rows = count
+        return _core.surface_create_expression(settings, heights)
+    if count != (0, 0):
+        raise TypeError("count is that of heights by an expression; an array has its own")
+    grid = np.asarray(heights, dtype=float)
+    if grid.ndim != 2:
+        raise TypeError(f"heights have the shape {grid.shape}, must have (rows, columns)")
+    settings.rows, settings.columns = grid.shape
     return _core.surface_create_texture(settings, grid.ravel())
 
 

@@ -296,6 +296,10 @@ public final class Player implements AutoCloseable {
           double width = number(step, "width");
           settings.columns(columns).rows(heights.length / columns).columnWidth(width).rowWidth(width).repeats(true);
           surfaces.put(name, Surface.texture(settings, heights));
+        } else if (step.containsKey("expression")) {
+          double width = number(step, "width");
+          settings.columns((int) number(step, "columns")).rows((int) number(step, "rows")).columnWidth(width).rowWidth(width);
+          surfaces.put(name, Surface.expression(settings, (String) step.get("expression")));
         } else {
           surfaces.put(name, Surface.of(settings));
         }

@@ -244,6 +244,10 @@ class Player {
         settings.columns = step.at("columns"), settings.rows = static_cast<uint32_t>(heights.size()) / settings.columns;
         settings.column_width = settings.row_width = step.at("width"), settings.repeats = true;
         check(fs_surface_create_texture(&settings, heights.data(), heights.size(), &surface));
+      } else if (step.contains("expression")) {
+        settings.columns = step.at("columns"), settings.rows = step.at("rows");
+        settings.column_width = settings.row_width = step.at("width");
+        check(fs_surface_create_expression(&settings, step["expression"].get<std::string>().c_str(), &surface));
       } else {
         check(fs_surface_create(&settings, &surface));
       }

@@ -132,9 +132,11 @@ class Player:
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
 
-    def do_surface(self, name, static, dynamic, distance, impact=0, heights=None, columns=1, width=0):
+    def do_surface(self, name, static, dynamic, distance, impact=0, heights=None, columns=1, width=0, expression=None, rows=1):
         texture = {}
-        if heights:
+        if expression:
+            texture = {"heights": expression, "count": (columns, rows), "width": width}
+        elif heights:
             texture = {"heights": [heights[i : i + columns] for i in range(0, len(heights), columns)], "width": width, "repeats": True}
         self.surfaces[name] = fs.surface(
             static_friction=static, dynamic_friction=dynamic, slip_distance=distance, impact=impact, **texture

@@ -438,7 +438,11 @@ def test_surfaces():
         tool.evaluate(fs.State(pose=fs.Pose(position=(0, 0, 0.01))))
         state = fs.State(pose=fs.Pose(position=(0, 0, -3e-3)))
         assert tool.evaluate(state).wrench.force.tolist() == pytest.approx([0, 0, 2])  # it is carved by 1 mm
-    for wrong in ({"heights": [1, 2]}, {"width": 1e-3}, {"repeats": True}):
+    waved = fs.surface(heights="-x - 2*y", count=(3, 2), width=(1e-3, 2e-3))
+    assert np.allclose(waved.get_heights(), [0, -1e-3, -2e-3, -4e-3, -5e-3, -6e-3], atol=1e-15)
+    with pytest.raises(fs.Error, match="at 'q'"):
+        fs.surface(heights="-q", count=(3, 2), width=1)
+    for wrong in ({"heights": [[-1]], "count": (1, 1)}, {"count": (1, 1)}, {"heights": [1, 2]}, {"width": 1e-3}, {"repeats": True}):
         with pytest.raises(TypeError, match="heights"):
             fs.surface(**wrong)
     with pytest.raises(fs.Error, match=r"heights\[1\] is 0.001"):

@@ -18,6 +18,11 @@ public final class Surface extends Handle {
     return new Surface(made(out -> Native.fs_surface_create_texture(settings, Buffers.of(heights), heights.length, out)));
   }
 
+  /** A surface with a texture whose heights an expression in x, y and z gives at the places of the grid. */
+  public static Surface expression(SurfaceSettings settings, String text) {
+    return new Surface(made(out -> Native.fs_surface_create_expression(settings, text, out)));
+  }
+
   /** The heights of its texture, m; without one none. */
   public double[] heights() {
     long[] count = new long[1];
