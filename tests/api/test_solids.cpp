@@ -63,7 +63,7 @@ struct Play {
   bool has_impacts = false;
   bool has_profiles = false;  // and the servo bounds all slopes, else a profile at an edge jumps
   double rendered = 0;        // N/m, that the servo can render, if it bounds slopes
-  int name_changes = 0, until_faded = 0, until_spread = 0;  // ticks
+  int name_changes = 0, until_faded = 0, until_spread = 0, until_stopped = 0;  // ticks
   fs_vec3 hand_goes{};  // m/s
   std::vector<Tick> felt;
   Step worst;           // the one that exceeds what is allowed most
@@ -182,6 +182,7 @@ struct Play {
         s.object.enabled = !s.object.enabled;
         break;
       default:
+        if (s.is_moving()) until_stopped = 130;  // the version that fades out goes on with its twist
         if (random.coin(0.2)) {
           const bool is_plane = s.object.primitive == FS_PRIMITIVE_MESH;
           s.object.primitive = is_plane ? FS_PRIMITIVE_PLANE : FS_PRIMITIVE_MESH;
@@ -230,7 +231,6 @@ struct Play {
     int until_call = 0;
     fs_vec3 before = fake.written.force, hand = fake.state.pose.position;
     double force = 0, slope = 0, solid_way = 0;
-    int until_stopped = 0;
     const int ticks = static_cast<int>(8 * fade / dt) + 400;
     for (int tick = 0; tick < ticks; ++tick) {
       if (--until_faded <= 0) name_changes = 0;
@@ -263,7 +263,7 @@ struct Play {
       }
       if (sum_of_ways >= solid_way || --until_stopped <= 0) {  // one that stops goes on for the time of the blend
         solid_way = sum_of_ways;
-        until_stopped = 25;
+        until_stopped = std::max(until_stopped, 25);
       }
       const double way = norm(fake.state.pose.position - hand);
       const double by_ways = 2 * slope * (way + solid_way) * (1 + 1e-6) + 1e-6 + ringing;

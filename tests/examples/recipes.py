@@ -92,6 +92,12 @@ def check_impact(lines):
         expect(near(force, [0, 0, wanted]), f"impact, {where}: {force} N, not {wanted}")
 
 
+def fingertip(x):  # a ball of 8 mm
+    post = [v - p for v, p in zip(x, (40, 0, 8))]
+    push = max(0, 1 - 0.1 * max(0, norm(post) - 8)) / norm(post)
+    return [0.5 * max(0, 8 - x[0]) + push * post[0], 0, 0.5 * max(0, 8 - x[2]) + push * post[2]]
+
+
 def sphere(x):
     size = norm(x)
     return [0, 0, 0] if size == 0 else [min(10, max(0, 0.5 * (30 - size))) * value / size for value in x]
@@ -146,7 +152,8 @@ def by_formula(name, formula):
 
 CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box),
           "solid": by_formula("solid", solid), "stick_slip": check_stick_slip,
-          "corduroy": by_formula("corduroy", corduroy), "impact": check_impact, "sphere": by_formula("sphere", sphere),
+          "corduroy": by_formula("corduroy", corduroy), "impact": check_impact,
+          "fingertip": by_formula("fingertip", fingertip), "sphere": by_formula("sphere", sphere),
           "path": check_path, "gravity": by_formula("gravity", gravity), "viscous_zone": check_viscous_zone,
           "hazard": check_hazard, "magnet": by_formula("magnet", magnet)}
 
@@ -170,7 +177,8 @@ for name in sorted(sources & set(CHECKS) & set(sections)):
         scene = pathlib.Path(temporary) / "scene.json"
         run = subprocess.run([programs / name, scene], capture_output=True, text=True, timeout=60)
         expect(run.returncode == 0, f"{name} ended with {run.returncode}: {run.stderr}")
-        expect(scene.exists() and len(json.loads(scene.read_text())["objects"]) == 1, f"{name} has not saved its scene")
+        count = 3 if name == "fingertip" else 1
+        expect(scene.exists() and len(json.loads(scene.read_text())["objects"]) == count, f"{name} has not saved its scene")
     expect(run.stdout == shown, f"{name} prints\n{run.stdout}and the page shows\n{shown}")
     lines = list(read(run.stdout))
     expect(len(lines) >= 4 and any(norm(force) > 1 for _, _, force in lines), f"{name} shows too little")
