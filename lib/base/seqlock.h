@@ -17,10 +17,11 @@ class Seqlock {
   static constexpr size_t words = sizeof(T) / 8;
 
  public:
-  void write(const T& value) noexcept {  // [rt] one writer
+  // [rt] One writer. bytes: a multiple of 8; what comes after them is not written, and may be that of any value written before.
+  void write(const T& value, size_t bytes = sizeof(T)) noexcept {
     const uint64_t sequence = sequence_.load(std::memory_order_relaxed);
     sequence_.store(sequence + 1, std::memory_order_relaxed);
-    for (size_t i = 0; i < words; ++i) {  // no whole copy first: copying a value just assembled stalls
+    for (size_t i = 0; i < bytes / 8; ++i) {  // no whole copy first: copying a value just assembled stalls
       uint64_t word;
       std::memcpy(&word, reinterpret_cast<const char*>(&value) + 8 * i, sizeof word);
       words_[i].store(word, std::memory_order_release);
@@ -48,9 +49,9 @@ class Seqlock {
 template <class T>
 class Latest {
  public:
-  void write(const T& value) noexcept {  // [rt] one writer
+  void write(const T& value, size_t bytes = sizeof(T)) noexcept {  // [rt] as Seqlock's
     const unsigned other = 1 - newest_.load(std::memory_order_relaxed);
-    slots_[other].write(value);
+    slots_[other].write(value, bytes);
     newest_.store(other, std::memory_order_release);
   }
 

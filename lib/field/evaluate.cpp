@@ -12,11 +12,11 @@ namespace {
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
 // gets what `out` cannot tell of it.
-bool find_entry(const Object& object, const Pose& pose, Vec3 position, double weight, double slope, ClosestPoints::Entry& out,
+bool find_entry(const Object& object, const Pose& pose, Vec3 position, double radius, double weight, double slope, ClosestPoints::Entry& out,
                 Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
   out.weight = weight;
   const Vec3 offset = position - pose.position;
-  const double support = object.law.support;
+  const double support = object.law.support + radius;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
     const Vec3 normal = rotate(pose.orientation, {0, 0, 1});
     const double s = dot(normal, offset);
@@ -32,14 +32,14 @@ bool find_entry(const Object& object, const Pose& pose, Vec3 position, double we
   Closest closest;
   const Vec3 local = rotate(conjugate(pose.orientation), offset);
   const bool is_found = find_closest(object, local, support, slope, closest, hint, effort);
-  if (effort && effort->is_cut) error += weight * error_of(object, *effort);
+  if (effort && effort->is_cut) error += weight * error_of(object, *effort, radius);
   if (!is_found || closest.direction == Vec3{}) return false;
   out.tangent = closest.feature == Feature::edge ? rotate(pose.orientation, closest.tangent) : Vec3{};
   out.distance = closest.distance;
   out.is_turning = closest.feature != Feature::face;
   out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
   const Intensity f = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
-                          ? evaluate(*out.law, nullptr, closest.distance, 0)
+                          ? evaluate(*out.law, nullptr, closest.distance, 0, radius)
                           : Intensity{};
   Ridge ridge;
   double ridge_error = 0;
@@ -86,11 +86,11 @@ uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t
   Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_entry(object, pose, point.position, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort, error)) {
+    if (!find_entry(object, pose, point.position, tool.radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort, error)) {
       return;
     }
     entry.arm = point.arm;
-    if (!closest_points.has_room(row)) felt |= closest_points.take(sum);
+    if (!closest_points.has_room(row)) felt |= closest_points.take(tool.radius, sum);
     closest_points.add(row, entry);
   });
   add_stiffness(stiffness, 1, row % lane_count, sum);
@@ -120,12 +120,10 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   out.error_bound = memory.omitted();
   const double point_weight = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near, const Weight* given) {
-    // Points that are balls are evaluated one by one.
-    const bool is_any_ball = tool.radius > 0;
-    const uint64_t points_near = is_any_ball ? 0 : chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
+    const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
-      felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, point_weight, sum);
+      felt |= add_points(chunk, points_near, tool.points[k].position, tool.radius, tool.points[k].arm, given, point_weight, sum);
     }
     const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
     for_each_bit(solids_near, [&](uint32_t i) {
@@ -147,7 +145,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                         .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
-    const uint64_t rows_near = is_any_ball ? 0 : near & ~points_near & (chunk.rows->by_closest_point | chunk.rows->points());
+    const uint64_t rows_near = near & ~points_near & (chunk.rows->by_closest_point | chunk.rows->points());
     for_each_bit(rows_near, [&](uint32_t i) {
       const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
@@ -155,7 +153,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                                  scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope, out.error_bound,
                                  closest_points, sum);
     });
-    if (rows_near) felt |= closest_points.take(sum);
+    if (rows_near) felt |= closest_points.take(tool.radius, sum);
     for_each_bit(near & ~points_near & ~rows_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);

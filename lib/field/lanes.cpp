@@ -62,6 +62,33 @@ FS_INLINE void lower(Felt<Doubles4>& f, Doubles4 d, const CapLanes<count>& caps,
   f.is_felt &= f.force > Doubles4{};
 }
 
+// The same for a ball, whose gap is that of its skin, and whose laws are those there: see Cap::lower.
+template <uint32_t count>
+FS_INLINE void lower_of_ball(Felt<Doubles4>& f, Doubles4 d, Doubles4 gap, double radius, const CapLanes<count>& caps, uint32_t i,
+                             uint64_t capped) {
+  const Longs4 mine = lanes_of<Doubles4>(capped), is_inside = d < all(radius);
+  const Doubles4 slope = load(caps.slope + i), across = load(caps.across + i), across_raw = load(caps.across_raw + i);
+  Felt<Doubles4> inside{f.force, Doubles4{}, f.is_felt};
+  cut_at_bend(f, mine, gap, load(caps.bend + i), load(caps.bend_force + i), load(caps.bend_slope + i));
+  cut_at_rise(f, mine, gap, load(caps.own_rise + i), slope);
+  cut_at_fall(f, mine, gap, load(caps.fall + i), slope);
+  cut(inside, mine, f.force + slope * (all(radius) - d), -slope);
+  f.force = is_inside ? inside.force : f.force;
+  f.slope = is_inside ? inside.slope : f.slope;
+  cut_at_rise(f, mine, d, least(across + slope * all(radius), across_raw), slope);
+  f.is_felt &= f.force > Doubles4{};
+}
+
+// How far the skin of a ball is from what is d away from its middle, and one by that.
+struct Skin {
+  Doubles4 gap, inverse;
+};
+FS_INLINE Skin skin_of(Doubles4 d, Doubles4 inverse, double radius) {
+  if (!(radius > 0)) return {d, inverse};
+  const Doubles4 outside = d - all(radius), gap = outside > Doubles4{} ? outside : Doubles4{};
+  return {gap, all(1.0) / (gap > all(least_distance) ? gap : all(least_distance))};
+}
+
 FS_INLINE void add_forces(Doubles4 fx, Doubles4 fy, Doubles4 fz, Doubles4 arm_x, Doubles4 arm_y, Doubles4 arm_z, LaneSum& sum) {
   add(sum.fx, fx);
   add(sum.fy, fy);
@@ -71,8 +98,8 @@ FS_INLINE void add_forces(Doubles4 fx, Doubles4 fy, Doubles4 fz, Doubles4 arm_x,
   add(sum.tz, arm_x * fy - arm_y * fx);
 }
 
-FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
-                                   double point_weight, LaneSum& sum) {
+FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, double radius, Vec3 arm,
+                                   const Weight* weights, double point_weight, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
   const uint64_t others = mask & ~rows.with(Form::linear), capped = weights ? mask & rows.capped : 0;
   const Doubles4 one = all(1.0), px = all(position.x), py = all(position.y), pz = all(position.z),
@@ -91,9 +118,12 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     const Doubles4 inverse = one / (has_direction ? d : one);
     const uint64_t other = others >> i & 15;
     const auto form_bits = [&](Form form) __attribute__((always_inline)) { return other ? rows.with(form) >> i & 15 : 0; };
-    Felt<Doubles4> laws = laws_at(d, inverse, rows.formulas, i, magnitude(signed_limit), form_bits);
+    const Skin skin = skin_of(d, inverse, radius);
+    Felt<Doubles4> laws = laws_at(skin.gap, skin.inverse, rows.formulas, i, magnitude(signed_limit), form_bits);
+    if (radius > 0) laws.slope = d < all(radius) ? Doubles4{} : laws.slope;
     if (const uint64_t some = capped >> i & 15) {
-      lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
+      if (radius > 0) lower_of_ball(laws, d, skin.gap, radius, *rows.caps, i, some);
+      else lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
     }
     const Longs4 is_felt = lanes_of<Doubles4>(wanted) & laws.is_felt & has_direction;
     felt |= is_felt & bits;
@@ -118,15 +148,18 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
 }
 
 FS_INLINE uint64_t closest_points_in_lanes(const ClosestPoints::Four* fours, const ClosestPoints::Caps* caps, uint32_t count,
-                                           LaneSum& sum) {
+                                           double radius, LaneSum& sum) {
   uint64_t felt = 0;
   const Doubles4 zero = all(0.0), one = all(1.0);
   for (const ClosestPoints::Four* four = fours; four != fours + count; ++four) {
     const ClosestPoints::Four& l = *four;
     const Doubles4 d = load(l.distance), signed_limit = load(l.formulas.limit), inverse = one / d;
     const auto form_bits = [&](Form form) __attribute__((always_inline)) { return l.forms[static_cast<size_t>(form)]; };
-    Felt<Doubles4> laws = laws_at(d, inverse, l.formulas, 0, magnitude(signed_limit), form_bits);
-    if (l.capped) lower(laws, d, caps[four - fours], 0, l.capped, true, true);
+    const Skin skin = skin_of(d, inverse, radius);
+    Felt<Doubles4> laws = laws_at(skin.gap, skin.inverse, l.formulas, 0, magnitude(signed_limit), form_bits);
+    if (radius > 0) laws.slope = d < all(radius) ? zero : laws.slope;
+    if (l.capped && radius > 0) lower_of_ball(laws, d, skin.gap, radius, caps[four - fours], 0, l.capped);
+    else if (l.capped) lower(laws, d, caps[four - fours], 0, l.capped, true, true);
     const Longs4 is_felt = lanes_of<Doubles4>(l.used) & laws.is_felt;
     const Doubles4 sign = signed_limit < zero ? -one : one;
     const Doubles4 weight = load(l.weight) * sign;
@@ -222,8 +255,8 @@ void ClosestPoints::add(uint32_t row, const Entry& entry) noexcept {
   }
 }
 
-uint64_t ClosestPoints::take(LaneSum& sum) noexcept {
-  const uint64_t felt = run<closest_points_in_lanes>(fours_, caps_, four_count_, sum);
+uint64_t ClosestPoints::take(double radius, LaneSum& sum) noexcept {
+  const uint64_t felt = run<closest_points_in_lanes>(fours_, caps_, four_count_, radius, sum);
   std::fill_n(counts_, lane_count, 0);
   four_count_ = 0;
   return felt;
@@ -264,9 +297,9 @@ Within rows_within(const Gaps& gaps, float most) noexcept { return run<within_in
 
 Awake find_awake(const double (&wake_at)[64], double travelled) noexcept { return run<awake_in_lanes>(wake_at, travelled); }
 
-uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double point_weight,
-                    LaneSum& sum) noexcept {
-  return run<points_in_lanes>(chunk, mask, position, arm, weights, point_weight, sum);
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, double radius, Vec3 arm, const Weight* weights,
+                    double point_weight, LaneSum& sum) noexcept {
+  return run<points_in_lanes>(chunk, mask, position, radius, arm, weights, point_weight, sum);
 }
 
 }  // namespace fs

@@ -39,8 +39,8 @@ class ClosestPoints {
   void add(uint32_t row, const Entry& contact) noexcept;
   bool has_room(uint32_t row) const noexcept { return counts_[row % lane_count] < depth; }
 
-  // [rt] Adds the forces of all of them, which then wait no longer. Returns the rows felt.
-  uint64_t take(LaneSum& sum) noexcept;
+  // [rt] Adds the forces of all of them, which then wait no longer. Returns the rows felt. radius: m, of the tool point.
+  uint64_t take(double radius, LaneSum& sum) noexcept;
 
   // Four entries, one in each lane.
   struct Four {
@@ -82,8 +82,8 @@ Awake find_awake(const double (&wake_at)[64], double travelled) noexcept;
 
 // [rt] Adds the forces of the rows in `mask`, all of them standing points with a formula, on a tool point at `position` with `arm`
 // from the tool's origin; each times its weight (of all 64 rows; null: 1, and without its cap) times `point_weight`. Returns the rows
-// felt there.
-uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double point_weight,
-                    LaneSum& sum) noexcept;
+// felt there. radius: m, of the tool point.
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, double radius, Vec3 arm, const Weight* weights,
+                    double point_weight, LaneSum& sum) noexcept;
 
 }  // namespace fs

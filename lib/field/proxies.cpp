@@ -223,13 +223,14 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
 void Proxies::feel_impacts(Touches::View& here, const Touches::View* last, const ToolState& tool, fs_response& out) noexcept {
   here.impacts.forget();
   const bool is_any_left = last && !last->impacts.is_empty();
+  const auto has_impact = [](const Solid& solid) { return solid.object->has_impact(); };
+  if (!is_any_left && std::ranges::none_of(solids(), has_impact)) return;
   std::array<Impacts::Source, Impacts::most_sources> sources;
   uint32_t source_count = 0;
   for (Solid& solid : solids()) {
-    if (!solid.object->has_impact() || source_count == sources.size()) continue;
+    if (!has_impact(solid) || source_count == sources.size()) continue;
     sources[source_count++] = {solid.version, solid.takes_over, solid.object, solid.motion, solid.pose, solid.weight, &solid.sum};
   }
-  if (source_count == 0 && !is_any_left) return;
   std::array<Meeting, Impacts::most> meetings;
   uint32_t meeting_count = 0;
   for (uint32_t n = 0; n < here.layer_count; ++n) {
@@ -296,7 +297,7 @@ void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& to
     if (by > 0) proxies[k] += {pull.x / by, pull.y / by, pull.z / by};
   }
   out.proxy = fitted(tool, proxies.data());
-  if (what >= felt_.what) newest_.write(felt_);
+  if (what >= felt_.what) newest_.write(felt_, felt_.bytes());
 }
 
 }  // namespace fs

@@ -27,6 +27,7 @@ struct FeltSolids {
   uint64_t count = 0;
   std::array<Felt, size> felt;
 
+  size_t bytes() const noexcept { return sizeof *this - (size - count) * sizeof(Felt); }  // that have something
   const Felt* find(uint64_t version) const noexcept {
     for (uint64_t i = 0; i < count; ++i) {
       if (felt[i].version == version) return &felt[i];

@@ -208,11 +208,23 @@ double Proxy::friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept {
   double depth = 0;
   for (uint32_t p = 0; p < plane_count; ++p) depth += pushes[p];
   if (!(depth > 0)) return 0;
-  const Press press = press_at(hand, goal);
-  const double normal = press.depth * norm(press.turned());
+  double still = 0, drop = 0;
   for (uint32_t p = 0; p < plane_count; ++p) {
     const Member& member = members[planes[p].member];
     parts[p] = {member.solid->object->friction(), pushes[p] / depth, member.touch->slipped};
+    still += parts[p].weight * parts[p].friction.still;
+    drop += parts[p].weight * parts[p].friction.drop;
+  }
+  double normal = norm(goal - hand);
+  if (members[0].solid->object->texture()) {
+    const Press press = press_at(hand, goal);
+    normal = press.depth * norm(press.turned());
+  }
+  if (!(drop > 0)) {  // as mostly
+    for (uint32_t p = 0; p < plane_count; ++p) members[planes[p].member].touch->slipped = 0;
+    return still * normal;
+  }
+  for (uint32_t p = 0; p < plane_count; ++p) {
     Friction& friction = parts[p].friction;
     // So the cone closes by at most half of the way of the proxy.
     friction.distance = std::max(friction.distance, 2 * friction.drop * normal);
@@ -236,12 +248,8 @@ double Proxy::friction_reach(Vec3 hand, Vec3 goal, double lag) noexcept {
 
   const double coefficient = coefficient_after(0);
   if (lag <= coefficient * normal) {  // it sticks; after a slip with the coefficient of the slip, until the hand has come back
-    double drop = 0;
-    for (const Part& part : all) drop += part.weight * part.friction.drop;
-    if (!(drop > 0) || lag > (coefficient - drop / 10) * normal) return coefficient * normal;
+    if (lag > (coefficient - drop / 10) * normal) return coefficient * normal;
     note_slip([](const Part&) { return 0.0; });
-    double still = 0;
-    for (const Part& part : all) still += part.weight * part.friction.still;
     return still * normal;
   }
   // It slips until friction holds it: lag - way = coefficient_after(way) * normal. The right side is of straight pieces, so

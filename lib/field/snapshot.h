@@ -61,11 +61,15 @@ struct FormulaLanes {
 // The caps of formulas that are evaluated several at a time: see struct Cap.
 template <uint32_t count>
 struct CapLanes {
-  double slope[count], rise[count], fall[count], bend[count], bend_force[count], bend_slope[count];
+  double slope[count], across[count], across_raw[count], own_rise[count], rise[count], fall[count], bend[count], bend_force[count],
+      bend_slope[count];
 
   void set(uint32_t i, const Cap& cap) noexcept {
     slope[i] = cap.slope;
-    rise[i] = std::fmin(cap.rise, cap.across);
+    across[i] = cap.across;
+    across_raw[i] = cap.across_raw;
+    own_rise[i] = cap.rise;
+    rise[i] = std::fmin(cap.rise, cap.across);  // of a point
     fall[i] = cap.fall;
     bend[i] = cap.bend;
     bend_force[i] = cap.bend_force;

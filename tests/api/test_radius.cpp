@@ -34,9 +34,9 @@ START_TEST(the_cap_is_that_of_the_shifted_law) {
   for (int round = 0; round < times(60, 600); ++round) {
     Content content;
     Rig rig("radius");
-    fs_object o = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+    fs_object o = fs_object_init("wall", random.coin(0.7) ? FS_PRIMITIVE_PLANE : FS_PRIMITIVE_POINT);
     o.front = random_profile(random, content);
-    o.back = random_profile(random, content);
+    if (o.primitive == FS_PRIMITIVE_PLANE) o.back = random_profile(random, content);
     o.start = 1;  // curves do not depend on time
     const double radius = random.log_between(1e-3, 0.02), most = random.log_between(50, 2000);
     set_radius(rig.scene.get(), radius);

@@ -506,7 +506,7 @@ START_TEST(heights_by_an_expression) {
   Grid large(ridges);
   large.settings.rows = 100000000;
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_surface_create_expression(&large.settings, "-x", &out), "rows is 100000000");
-  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_surface_create_expression(&grid.settings, std::string(300, ' ').append("0").c_str(), &out),
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_surface_create_expression(&grid.settings, std::string(300, '1').c_str(), &out),
                   "more than 255 bytes");
   // In a file: the same heights.
   const Folder folder;

@@ -1,12 +1,15 @@
 // What each thing that a surface does adds to a tick, beside the same solid without it: a point that strokes a plane or a ball of
 // 2000 triangles, 1 mm deep, in time of this thread. README.md says how to read it.
 //
-//   bench_surface
+//   bench_surface [plain]
+//
+// plain: the first two rows only, which a library without surfaces can run too.
 #include <ctime>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <string>
 #include <vector>
 
 #include "figures.h"
@@ -53,8 +56,10 @@ struct Rig {
       settings.repeats = true;
       for (int i = 0; i < 64 * 64; ++i) heights.push_back(-5e-5 * (1 + std::sin(0.3 * i)));
     }
-    surface = heights.empty() ? make_surface(settings) : make_texture(settings, heights);
-    if (row > Row::friction && row != Row::radius) o.surface = surface.get();
+    if (row > Row::friction && row != Row::radius) {
+      surface = heights.empty() ? make_surface(settings) : make_texture(settings, heights);
+      o.surface = surface.get();
+    }
     if (has(Row::radius) && !is_mesh) require(fs_scene_set_tool_radius(scene.get(), 0.002), "fs_scene_set_tool_radius");
     require(fs_object_set(scene.get(), &o), "fs_object_set");
     tool = make_tool(scene.get());
@@ -76,17 +81,40 @@ struct Rig {
   }
 };
 
+// ns a tick of a thousand points that all draw the hand.
+double ns_of_crowd(double radius) {
+  const Scene scene = make_scene();
+  Random random(1);
+  Content content;
+  for (int i = 0; i < 1000; ++i) content.add("p" + std::to_string(i), FS_PRIMITIVE_POINT, random.in_box(0.1)).front = attract(1, 1);
+  fill(scene.get(), content);
+  require(fs_scene_set_tool_radius(scene.get(), radius), "fs_scene_set_tool_radius");
+  const Tool tool = make_tool(scene.get());
+  fs_state state{};
+  fs_response response;
+  constexpr int ticks = 300;
+  double begin = 0;
+  for (int i = -10; i < ticks; ++i) {
+    if (i == 0) begin = cpu_ns();
+    state.time = 1 + 0.001 * i;
+    state.pose = at(0.001 * i, 0, 0);
+    require(fs_evaluate(tool.get(), &state, &response), "fs_evaluate");
+  }
+  return (cpu_ns() - begin) / ticks;
+}
+
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
   constexpr int rounds = 60, ticks = 500;
+  const int rows = argc > 1 && std::string(argv[1]) == "plain" ? 2 : count;
   std::puts("| a surface | solid | ns a tick: median | p99 | beside plain, ns | ratio |");
   std::puts("|---|---|---|---|---|---|");
   for (const bool is_mesh : {false, true}) {
     Samples taken[count], beside[count], ratios[count];
     for (int round = 0; round < rounds; ++round) {
       double plain = 0;
-      for (int row = 0; row < count; ++row) {
+      for (int row = 0; row < rows; ++row) {
         if (is_mesh && static_cast<Row>(row) == Row::radius) continue;  // a solid mesh refuses it
         const double ns = Rig(static_cast<Row>(row), is_mesh).ns_of(ticks);
         if (row == 0) plain = ns;
@@ -95,11 +123,21 @@ int main() {
         ratios[row].add(ns / plain);
       }
     }
-    for (int row = 0; row < count; ++row) {
+    for (int row = 0; row < rows; ++row) {
       if (taken[row].values.empty()) continue;
       std::printf("| %-14s | %-5s | %5.0f | %5.0f | %5.0f | %5.2f |\n", names[row], is_mesh ? "mesh" : "plane", taken[row].p50(),
                   taken[row].p99(), beside[row].p50(), ratios[row].p50());
     }
+  }
+  if (rows == count) {
+    Samples points, balls, ratios;
+    for (int round = 0; round < rounds; ++round) {
+      points.add(ns_of_crowd(0));
+      balls.add(ns_of_crowd(0.002));
+      ratios.add(balls.values.back() / points.values.back());
+    }
+    std::printf("\n1000 points: %.1f us a tick; for a tool with a radius %.1f us, %.2f times\n", points.p50() / 1e3, balls.p50() / 1e3,
+                ratios.p50());
   }
   bench::print_machine();
 }
