@@ -72,7 +72,7 @@ START_TEST(lanes_agree) {
     const Chunk& chunk = points.chunk;
     Weight weights[chunk_size];
     for (Weight& w : weights) w.set(random.coin(0.3) ? 1 : random.between(0, 1));
-    const ToolPoints tool_points({{0, 0, 0}, {0.01, 0, 0.02}});
+    const ToolPoints tool_points({{0, 0, 0}, {0.01, 0, 0.02}}, random.coin() ? 0 : random.log_between(1e-3, 0.1));
     fs_state state{};
     state.pose = identity_pose();
     state.pose.position = run % 5 ? Vec3{random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)}
@@ -84,7 +84,8 @@ START_TEST(lanes_agree) {
     for (const bool is_wide : {true, false}) {
       allow_avx2(is_wide);
       for (unsigned k = 0; k < 2; ++k) {
-        felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.points[k].arm, weights, 0.5, is_wide ? wide : usual);
+        felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.radius, tool.points[k].arm, weights, 0.5,
+                                     is_wide ? wide : usual);
       }
     }
     allow_avx2(true);
@@ -188,16 +189,18 @@ START_TEST(capped_contacts_agree) {
   Random random(4);
   for (int run = 0; run < sanitized_times(100, 1000); ++run) {
     Profile profiles[chunk_size];
+    const double radius = random.coin() ? 0 : random.log_between(1e-3, 0.1);
     double distances[chunk_size], wanted = 0, size = 1e-12, stiffness = 0, stiffness_size = 1e-9;
     LaneSum sums[2];
     uint64_t felt[2], felt_alone = 0;
     for (uint32_t i = 0; i < chunk_size; ++i) {
       Law law;
       law.front = random_profile(random);
+      if (random.coin()) law.back = random_profile(random);
       if (random.coin()) law = capped(law, random.log_between(5, 500));
       profiles[i] = law.front;
       distances[i] = random.log_between(1e-4, 0.2);
-      const Intensity f = evaluate(profiles[i], nullptr, distances[i], 0);
+      const Intensity f = evaluate(profiles[i], nullptr, distances[i], 0, radius);
       const double sign = profiles[i].sense == FS_SENSE_REPULSIVE ? 1 : -1;
       wanted += sign * f.force;
       size += f.force;
@@ -212,7 +215,7 @@ START_TEST(capped_contacts_agree) {
         contacts.add(i, {.direction = {1, 0, 0}, .tangent = {}, .distance = distances[i], .is_turning = false,
                          .law = &profiles[i], .weight = 1, .arm = {}});
       }
-      felt[is_wide] = contacts.take(sums[is_wide]);
+      felt[is_wide] = contacts.take(radius, sums[is_wide]);
     }
     allow_avx2(true);
     ck_assert_int_eq(std::memcmp(&sums[0], &sums[1], sizeof sums[0]), 0);
