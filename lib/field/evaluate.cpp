@@ -12,8 +12,8 @@ namespace {
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
 // gets what `out` cannot tell of it.
-bool find_entry(const Object& object, const Pose& pose, Vec3 position, double radius, double weight, double slope, ClosestPoints::Entry& out,
-                Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
+bool find_entry(const Object& object, const Pose& pose, Vec3 position, double radius, double weight, double slope,
+                ClosestPoints::Entry& out, Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
   out.weight = weight;
   const Vec3 offset = position - pose.position;
   const double support = object.law.support + radius;
@@ -86,7 +86,8 @@ uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t
   Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_entry(object, pose, point.position, tool.radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort, error)) {
+    if (!find_entry(object, pose, point.position, tool.radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort,
+                    error)) {
       return;
     }
     entry.arm = point.arm;

@@ -61,8 +61,8 @@ struct FormulaLanes {
 // The caps of formulas that are evaluated several at a time: see struct Cap.
 template <uint32_t count>
 struct CapLanes {
-  double slope[count], across[count], across_raw[count], own_rise[count], rise[count], fall[count], bend[count], bend_force[count],
-      bend_slope[count];
+  double slope[count], across[count], across_raw[count], own_rise[count], rise[count], fall[count], bend[count],
+      bend_force[count], bend_slope[count];
 
   void set(uint32_t i, const Cap& cap) noexcept {
     slope[i] = cap.slope;

@@ -17,36 +17,18 @@ bool is_letter(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c
 constexpr struct {
   const char *name, *hint;
 } hints[] = {
-    {"pow", "write a^b"},
-    {"power", "write a^b"},
-    {"if", "write condition ? a : b"},
-    {"iff", "write condition ? a : b"},
-    {"pi", "write _pi"},
-    {"m_pi", "write _pi"},
-    {"e", "write _e, or exp(a)"},
-    {"m_e", "write _e, or exp(a)"},
-    {"fabs", "write abs(a)"},
-    {"round", "write rint(a)"},
-    {"sgn", "write sign(a)"},
-    {"lg", "write log10(a)"},
-    {"lb", "write log2(a)"},
-    {"mean", "write avg(a, b)"},
-    {"and", "write a && b"},
-    {"or", "write a || b"},
-    {"not", "write a == 0"},
-    {"arcsin", "write asin(a)"},
-    {"arccos", "write acos(a)"},
-    {"arctan", "write atan(a)"},
+    {"pow", "write a^b"},     {"power", "write a^b"},      {"if", "write condition ? a : b"}, {"iff", "write condition ? a : b"},
+    {"pi", "write _pi"},      {"m_pi", "write _pi"},       {"e", "write _e, or exp(a)"},      {"m_e", "write _e, or exp(a)"},
+    {"fabs", "write abs(a)"}, {"round", "write rint(a)"},  {"sgn", "write sign(a)"},          {"lg", "write log10(a)"},
+    {"lb", "write log2(a)"},  {"mean", "write avg(a, b)"}, {"and", "write a && b"},           {"or", "write a || b"},
+    {"not", "write a == 0"},  {"arcsin", "write asin(a)"}, {"arccos", "write acos(a)"},       {"arctan", "write atan(a)"},
 };
 
 constexpr struct {
   const char *name, *hint;
 } profile_hints[] = {
-    {"x", "the distance is d"},
-    {"r", "the distance is d"},
-    {"dist", "the distance is d"},
-    {"distance", "the distance is d"},
-    {"time", "the time is t"},
+    {"x", "the distance is d"},        {"r", "the distance is d"}, {"dist", "the distance is d"},
+    {"distance", "the distance is d"}, {"time", "the time is t"},
 };
 
 std::string names_of(const auto& map) {

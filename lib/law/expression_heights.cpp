@@ -33,8 +33,8 @@ std::vector<double> heights_of(const fs_surface_settings& settings, const char* 
         column_place = settings.first_column + column * settings.column_width;
         const double height = parser.Eval();
         if (!(height <= 0 && height >= -deepest_height)) {
-          fail(FS_ERROR_INVALID, "the expression is %.9g at x = %.9g, y = %.9g, z = %.9g, must be within %g..0 m", height, place[0],
-               place[1], place[2], -deepest_height);
+          fail(FS_ERROR_INVALID, "the expression is %.9g at x = %.9g, y = %.9g, z = %.9g, must be within %g..0 m", height,
+               place[0], place[1], place[2], -deepest_height);
         }
         out.push_back(height);
       }

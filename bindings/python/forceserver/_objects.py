@@ -330,10 +330,10 @@ def surface(
     impact: what a tool point feels when it hits the surface: "soft" as rubber, "medium" as wood, "hard" as metal, or (gain,
     frequency, decay) in N s/m, Hz and 1/s.
 
-    heights: a texture, m, -1..0, an array of shape (rows, columns) that is projected along `axis`: with "z" the columns go along x
-    and the rows along y, with "x" along y and z, with "y" along z and x. Or an expression in x, y and z (m), with how many columns
-    and rows it is sampled at in count. width: m, from one height to the next, or those of columns
-    and rows. first: m, the place of the first height. repeats: the grid is repeated without end. See fs_surface_settings.
+    heights: a texture, m, -1..0, an array of shape (rows, columns) that is projected along `axis`: with "z" the columns go along
+    x and the rows along y, with "x" along y and z, with "y" along z and x. Or an expression in x, y and z (m); count is then how
+    many columns and rows of it are worked out. width: m, from one height to the next, or those of columns and rows. first: m, the
+    place of the first height. repeats: the grid is repeated without end. See fs_surface_settings.
     """
     settings = SurfaceSettings(
         static_friction=static_friction,
