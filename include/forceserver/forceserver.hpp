@@ -307,11 +307,6 @@ class Surface : public std::unique_ptr<fs_surface, GiveBack<fs_surface_destroy>>
     throw_on_error(fs_surface_create_expression(&settings, c_string(text, "text"), &out));
     return Surface(out);
   }
-  static Surface create_expression(const fs_surface_settings& settings, const char* text) {
-    fs_surface* out = nullptr;
-    throw_on_error(fs_surface_create_expression(&settings, text, &out));
-    return Surface(out);
-  }
   fs_surface_settings get_settings() const {
     fs_surface_settings out = fs_surface_settings_init();
     throw_on_error(fs_surface_get_settings(get(), &out));

@@ -212,12 +212,12 @@ FS_API fs_status fs_scene_set_tool(fs_scene *scene, const fs_vec3 *points, size_
 /* The tool's points, a list. */
 FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacity, size_t *count);
 
-/* Sets the radius of the tool's points, m of the scene, >= 0; 0 (default): they are points. With a radius r each is a
- * ball: a profile is felt at f(max(0, d - r), t), where d is the distance from the middle of the ball to the object, and
- * a solid plane holds the ball, so that its middle stays r away from the plane. Its texture is felt where the ball
- * touches the plane. A solid mesh cannot hold a ball: while the radius is above 0 no object can be a solid mesh, and while one is,
+/* Sets the radius of each point of the tool, m of the scene, 0..1e15; 0 (default): the points have no size. With a radius r
+ * each is a ball, whose middle is where the point is: a profile is felt at f(max(0, d - r), t), where d is the distance from
+ * the middle to the object, and a solid plane holds the ball, so that its middle stays r away from the plane. Its texture is
+ * felt where the ball touches the plane. Forces act at the middle, so the radius adds no torque. A solid mesh cannot hold a ball: while the radius is above 0 no object can be a solid mesh, and while one is,
  * the radius stays 0 (UNSUPPORTED). It holds for all tools of the scene, those of one's own (evaluate.h) too; fields have
- * none. Another radius is another version, as another tool is; a tool of one's own then begins anew. */
+ * none. Another radius fades in as another set of points does; a tool of one's own forgets its proxies. */
 FS_API fs_status fs_scene_set_tool_radius(fs_scene *scene, double radius);
 
 /* The radius of the tool's points, m. */

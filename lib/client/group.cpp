@@ -103,10 +103,12 @@ void Group::add_frame() { batch.add(wire::type_frame, wire::Frame{replica_.scene
 
 void Group::add_tool() {
   const std::vector<Vec3> points = replica_.scene->get_tool();
-  wire::Tool tool{replica_.scene->get_tool_radius(), points.size(), {}};
+  wire::Tool tool{points.size(), {}};
   std::copy(points.begin(), points.end(), tool.points);
   batch.add(wire::type_tool, tool);
 }
+
+void Group::add_tool_radius() { batch.add(wire::type_tool_radius, wire::ToolRadius{replica_.scene->get_tool_radius()}); }
 
 void Group::add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets) {
   assets_.resize(batch.size() + 1);

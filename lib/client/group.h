@@ -29,6 +29,7 @@ class Group {
   void add_removes();  // of all objects that there are with the group
   void add_frame();  // the one that the replica has
   void add_tool();
+  void add_tool_radius();
   void add_clutch(bool held) { batch.add(wire::type_clutch, wire::Clutch{held}); }
   void add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets = {});
 

@@ -142,7 +142,7 @@ void Pulls::adopt(const wire::PullAnswer& pulled, uint64_t question) {
       if (!questions_.is_changed(Questions::tool, question)) {
         replica_.scene->set_tool(pulled.tool.points, std::min<size_t>(pulled.tool.count, FS_TOOL_POINTS_MAX));
         try {
-          replica_.scene->set_tool_radius(pulled.tool.radius);
+          replica_.scene->set_tool_radius(pulled.tool_radius.radius);
         } catch (const Error&) {  // it still has a solid mesh, which the server has no more
         }
       }

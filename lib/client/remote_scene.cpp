@@ -192,11 +192,12 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
   }
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    group.require_room(names, 2);
+    group.require_room(names, 3);
     replica_.scene->set_contents(objects, frame, tool, tool_radius);
     for (const std::string& name : names) group.add_object(wire::type_set, name.c_str(), all_parts);
     group.add_frame();
     group.add_tool();
+    group.add_tool_radius();
   });
 }
 
@@ -268,7 +269,7 @@ void RemoteScene::set_tool_radius(double radius) {
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
     replica_.scene->set_tool_radius(radius);
-    group.add_tool();
+    group.add_tool_radius();
   });
 }
 

@@ -86,12 +86,12 @@ uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t
   Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_entry(object, pose, point.position, tool.radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort,
+    if (!find_entry(object, pose, point.position, tool.point_radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort,
                     error)) {
       return;
     }
     entry.arm = point.arm;
-    if (!closest_points.has_room(row)) felt |= closest_points.take(tool.radius, sum);
+    if (!closest_points.has_room(row)) felt |= closest_points.take(tool.point_radius, sum);
     closest_points.add(row, entry);
   });
   add_stiffness(stiffness, 1, row % lane_count, sum);
@@ -114,7 +114,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                           const ToolState& tool, Effort* effort) noexcept {
   Proxies* const proxies = memory.proxies();
   const double reach = proxies ? proxies->reach(view, what) : 0;  // a proxy may be that far from its point
-  memory.look(view, what, tool.pose * points.centre, points.radius + tool.radius + reach, tool.time);
+  memory.look(view, what, tool.pose * points.centre, points.radius + tool.point_radius + reach, tool.time);
   LaneSum sum;
   ClosestPoints closest_points;
   fs_response out{};
@@ -124,7 +124,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
-      felt |= add_points(chunk, points_near, tool.points[k].position, tool.radius, tool.points[k].arm, given, point_weight, sum);
+      felt |= add_points(chunk, points_near, tool.points[k].position, tool.point_radius, tool.points[k].arm, given, point_weight, sum);
     }
     const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
     for_each_bit(solids_near, [&](uint32_t i) {
@@ -154,7 +154,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                                  scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope, out.error_bound,
                                  closest_points, sum);
     });
-    if (rows_near) felt |= closest_points.take(tool.radius, sum);
+    if (rows_near) felt |= closest_points.take(tool.point_radius, sum);
     for_each_bit(near & ~points_near & ~rows_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);

@@ -53,14 +53,16 @@ void Impacts::meet(const Source& source, const Meeting& meeting, const ToolState
   const Impact asked = source.object->surface->impact();
   const double wanted = std::min(asked.gain * speed * tool.scale, source.object->contact.limit) / std::popcount(feeling);
   const double stiffness = stiffness_of(source.object->contact) * tool.scale * tool.force_scale;  // at the device
-  one->impact = tool.impacts ? tool.impacts->limit().bounded(asked, stiffness) : asked;
+  // What still rings keeps its tone, as its slope would not be that which was counted.
+  if (one->now.is_over()) one->impact = tool.impacts ? tool.impacts->limit().bounded(asked, stiffness) : asked;
   double amplitude = wanted * tool.force_scale;
   if (tool.impacts) {
     amplitude = std::min(amplitude, tool.impacts->most(one->impact, speed));
     tool.impacts->strike(one->impact, amplitude);
   }
+  const bool is_first_half = one->age < 0.5 / one->impact.frequency;
+  one->momentum = (is_first_half ? one->momentum : 0) + amplitude * one->impact.impulse();
   one->age = 0;
-  one->momentum = amplitude * one->impact.impulse();
   one->is_bounded = amplitude < wanted * tool.force_scale;
   if (tool.force_scale > 0) one->now.strike((amplitude / tool.force_scale) * meeting.normal);
 }
@@ -91,7 +93,7 @@ void Impacts::feel(const Impacts* last, double step, std::span<const Source> sou
     one.age += step;
     const bool is_far =
         !source || one.point >= tool.count ||
-        (one.free >= free_for && !is_near(*source, tool.points[one.point].position, tool.radius + free_way * tool.scale));
+        (one.free >= free_for && !is_near(*source, tool.points[one.point].position, tool.point_radius + free_way * tool.scale));
     one.is_armed |= one.free >= free_for && is_far;
     if (!one.is_armed || !one.now.is_over()) all_[count_++] = one;
   }

@@ -13,7 +13,8 @@ namespace fs {
 // What the impacts of all scenes of a servo may have together. The tick's alone.
 class ImpactBudget {
  public:
-  // [rt] From one tick to the next nothing grows but what strikes: so those of the last tick and the new ones are all there are.
+  // [rt] Begins a tick. An impact that rings never becomes steeper by itself. So what was felt in the last tick, plus what strikes in
+  // this one, bounds everything.
   void begin(const ImpactLimit& limit) noexcept {
     limit_ = limit;
     slope_ = felt_slope_;
@@ -21,8 +22,9 @@ class ImpactBudget {
     felt_slope_ = felt_momentum_ = 0;
   }
   const ImpactLimit& limit() const noexcept { return limit_; }
-  // [rt] N, the most amplitude of an impact, and that it has this amplitude.
+  // [rt] N, the largest amplitude that an impact after an approach at this speed (m/s) may have.
   double most(const Impact& impact, double speed) const noexcept { return limit_.most(impact, speed, slope_, momentum_); }
+  // [rt] Counts an impact of this amplitude (N) that strikes in this tick.
   void strike(const Impact& impact, double amplitude) noexcept {
     slope_ += amplitude * impact.turn();
     momentum_ += amplitude * impact.impulse();

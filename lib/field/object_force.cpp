@@ -35,7 +35,7 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
   tool.count = static_cast<unsigned>(points.points.size());
   tool.time = time;
   tool.blend = blend;
-  tool.radius = points.point_radius;
+  tool.point_radius = points.point_radius;
   for (size_t i = 0; i < tool.count; ++i) {
     const Vec3 arm = rotate(state.pose.orientation, points.points[i]);
     tool.points[i] = {state.pose.position + arm, state.twist.linear + cross(state.twist.angular, arm), arm};
@@ -65,7 +65,7 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
                        ObjectForce& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
-  const Intensity g = object.law.at(s, t, parsers, tool.radius);
+  const Intensity g = object.law.at(s, t, parsers, tool.point_radius);
   if (g.force == 0 && g.slope == 0) return;
 
   const double outward = closest.side == Side::back ? -g.force : g.force;
@@ -99,7 +99,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
                      ObjectForce& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.support() + tool.radius;
+  const double support = object.support() + tool.point_radius;
   if (mask == 0 || !(object.support() >= 0)) return false;
   const double point_weight = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time, tool.blend);
@@ -118,9 +118,9 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     if (!is_found && !is_cut) return;
     if (!is_near) out = {};
     is_near = true;
-    if (is_cut) out.error += point_weight * error_of(object, *effort, tool.radius);
+    if (is_cut) out.error += point_weight * error_of(object, *effort, tool.point_radius);
     if (!is_found) return;
-    if (const double gap = std::max(0.0, closest.distance - tool.radius); gap < out.distance) {
+    if (const double gap = std::max(0.0, closest.distance - tool.point_radius); gap < out.distance) {
       out.distance = gap;
       out.point = pose * closest.point;
     }

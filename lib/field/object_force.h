@@ -19,7 +19,7 @@ struct ToolState {
   };
   std::array<Point, FS_TOOL_POINTS_MAX> points;
   unsigned count;
-  double radius = 0;           // m, of each point
+  double point_radius = 0;     // m, of the ball that each point is
   double time;                 // s, scene time
   bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
   double blend = 0;            // s, over which a servo spreads moves; 0: they are felt at once

@@ -92,11 +92,11 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
     return is_found;
   };
   const double margin = margin_at(solid.pose, touch.at, touch.at);
-  if (tick.tool.radius > 0 && object.primitive == FS_PRIMITIVE_PLANE) {
+  if (tick.tool.point_radius > 0 && object.primitive == FS_PRIMITIVE_PLANE) {
     if (keeps_either) touch.side = touch.at.z < 0 ? Side::back : Side::front;
     const double sign = touch.side == Side::front ? 1 : -1;
-    if (sign * touch.at.z > tick.tool.radius + margin) return true;
-    touch.at.z = sign * (tick.tool.radius + margin);
+    if (sign * touch.at.z > tick.tool.point_radius + margin) return true;
+    touch.at.z = sign * (tick.tool.point_radius + margin);
     const Vec3 begins_at = solid.pose * touch.at;
     if (!proxy_.is_free_to(begins_at)) return false;
     proxy_.at = begins_at;
@@ -175,7 +175,7 @@ bool PointProxies::gather(const Point& point) noexcept {
     const Object& object = *solids[i].object;
     if (before_[i].is_done || before_[i].left || (i != first && !can_share(object, *solids[first].object))) return;
     const bool is_apart = i != first && before && !(before->proxy == known->proxy);
-    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.radius, proxy_.visits))) return;
+    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.point_radius, proxy_.visits))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
     if (touch && before) *touch = *before;
     if (touch && is_apart) touch->at = to_local(before->pose, known->proxy);
@@ -310,7 +310,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
     touch.pose = solid.pose;
     touch.proxy = proxy_.at;
     touch.is_touching = is_touching;
-    if (is_touching && solid.object->has_impact()) touch.normal = normalized(normals);
+    touch.normal = !(is_touching && is_pushed) ? Vec3{} : solid.object->has_impact() ? normalized(normals) : normals;
     if (!is_touching) touch.slipped = 0;
     solid.is_touched |= is_touching;
     if (const double distance = norm(spring.pull); distance < solid.distance) {
@@ -338,7 +338,7 @@ double PointProxies::explained_change(const Point& point, const Member& member) 
 }
 
 // The profiles of the members act where the proxy is; on the surface along its normal. Those of a plane act where the proxy would be
-// if only the plane held it: at a hand above the plane, else on the plane. So they depend on the hand's place alone, and give no
+// if only the plane held it: at the hand where that is free of the plane, else where it touches the plane. So they depend on the hand's place alone, and give no
 // energy on a closed path, also where another solid holds the proxy.
 void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
@@ -363,13 +363,13 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     if (object.primitive == FS_PRIMITIVE_PLANE) {
       place = to_local(solid.pose, point.at().position);
       away = {0, 0, side == Side::front ? 1.0 : -1.0};
-      is_on_surface = !(dot(away, place) > tool.radius);
+      is_on_surface = !(dot(away, place) > tool.point_radius);
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
     ObjectForce got;
     const auto find = [&](Vec3 x, double range, Closest& out) {
       const bool is_found = find_closest(object, x, range, slope, out, hint, effort);
-      if (effort && effort->is_cut) got.error += point_weight * error_of(object, *effort, tool.radius);
+      if (effort && effort->is_cut) got.error += point_weight * error_of(object, *effort, tool.point_radius);
       return is_found;
     };
     // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
@@ -386,11 +386,11 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       closest = above;
     } else if (is_on_surface) {
       closest.side = side;
-      closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
+      closest.distance = side == Side::back ? std::max(tool.point_radius, std::numeric_limits<double>::min()) : tool.point_radius;
       closest.direction = away;
       closest.feature = Feature::face;
     } else {
-      is_felt = find(place, support + tool.radius, closest);
+      is_felt = find(place, support + tool.point_radius, closest);
     }
     if (is_felt) {
       add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool, solid.parsers,
@@ -406,7 +406,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
 void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_layer, Layer& layer, Gain& out) noexcept {
   const Point point{tick, number, before_layer, layer};
   proxy_.visits = tick.effort ? &tick.effort->ways : nullptr;
-  proxy_.radius = tick.tool.radius;
+  proxy_.point_radius = tick.tool.point_radius;
   for (uint32_t i = 0; i < tick.solids.size(); ++i) {
     Solid& solid = tick.solids[i];
     Before& before = before_[i];

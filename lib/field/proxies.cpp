@@ -235,7 +235,7 @@ void Proxies::feel_impacts(Touches::View& here, const Touches::View* last, const
   uint32_t meeting_count = 0;
   for (uint32_t n = 0; n < here.layer_count; ++n) {
     for (const Touch& touch : touches_.touches(here.layers[n])) {
-      if (!touch.is_touching || meeting_count == meetings.size()) continue;
+      if (touch.normal == Vec3{} || meeting_count == meetings.size()) continue;
       const auto source =
           std::ranges::find(sources.begin(), sources.begin() + source_count, touch.version, &Impacts::Source::version);
       if (source == sources.begin() + source_count) continue;
@@ -251,13 +251,13 @@ void Proxies::feel_impacts(Touches::View& here, const Touches::View* last, const
   if (felt.is_bounded) out.flags |= FS_RESPONSE_CAPPED;
 }
 
-// Whether a point was near a solid in the last tick, but did not touch it in any layer.
+// Whether a point was near a solid in the last tick, but was not pushed by it in any layer.
 bool Proxies::was_free(const Touches::View* last, const Impacts::Source& source, uint32_t point) const noexcept {
   bool is_known = false;
   for (uint32_t n = 0; last && n < last->layer_count; ++n) {
     for (const Touch& touch : touches_.last_touches(last->layers[n])) {
       if (touch.point != point || (touch.version != source.version && touch.version != source.takes_over)) continue;
-      if (touch.is_touching) return false;
+      if (!(touch.normal == Vec3{})) return false;
       is_known = true;
     }
   }

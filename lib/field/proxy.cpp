@@ -50,7 +50,7 @@ bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place, double& least) const noex
     Plane plane;
     Vec3 here;
     double part;
-    if (!find_plane(members[i], to, radius, visits, plane, here, part) || !(part < least)) continue;
+    if (!find_plane(members[i], to, point_radius, visits, plane, here, part) || !(part < least)) continue;
     least = part;
     out = plane;
     out.member = i;
@@ -73,7 +73,7 @@ bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
     Plane plane;
     Vec3 there;
     double part;
-    if (i != except && find_plane(members[i], place, radius, visits, plane, there, part)) return false;
+    if (i != except && find_plane(members[i], place, point_radius, visits, plane, there, part)) return false;
   }
   return true;
 }
@@ -186,7 +186,7 @@ Press Proxy::press_at(Vec3 hand, Vec3 place) const noexcept {
   const Texture* const texture = solid.object->texture();
   if (!texture) return out;
   const double part = solid.object->texture_part;
-  const Texture::Sample sample = texture->at(to_local(solid.pose, place - radius * out.normal));
+  const Texture::Sample sample = texture->at(to_local(solid.pose, place - point_radius * out.normal));
   out.depth = std::max(0.0, out.depth + part * sample.height);
   out.slope = along(rotate(solid.pose.orientation, part * sample.slope));
   Mat3 flat = identity();  // projects on the surface
@@ -397,7 +397,7 @@ uint32_t Proxy::split() noexcept {
     Plane plane;
     Vec3 place;
     double part;
-    if (!find_plane(members[i], to, radius, visits, plane, place, part)) {
+    if (!find_plane(members[i], to, point_radius, visits, plane, place, part)) {
       ++i;
       continue;
     }

@@ -60,7 +60,8 @@ struct Touch {
   double slipped;       // the part of its surface's slip distance, 0 to 1, since it stuck
   Side side;            // that is kept
   bool is_touching;
-  Vec3 normal;          // unit, scene frame, where its surface has an impact and it is touching
+  Vec3 normal;          // scene frame, where the surface pushes: it is touching, and is below the texture; else 0. A unit vector where
+                        // its surface has an impact
 };
 // A solid that shares a proxy.
 struct Member {
@@ -94,12 +95,12 @@ inline constexpr uint32_t most_solids = 256;  // near a tool
 
 // How the surface is pushed.
 struct Press {
-  Vec3 normal{};          // of the surface without its texture; 0: it is not pushed
+  Vec3 normal{};          // unit, of the surface without its texture; 0: nothing is pushed
   double depth = 0;       // m, of the hand below the texture, along the normal
   Vec3 slope{};           // m/m, of the texture's height along the surface,
   Mat3 curvature{};       // and its curvature, 1/m
 
-  Vec3 turned() const noexcept { return normal - slope; }  // the normal of the texture, longer than 1
+  Vec3 turned() const noexcept { return normal - slope; }  // along the normal of the texture, but longer than 1
 };
 
 // The proxy of a point for solids of the same stiffness and limit that the point feels. One with a texture is alone.
@@ -107,7 +108,7 @@ struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;
   Vec3 at{};              // m, scene frame
-  double radius = 0;      // m, of the ball about it that planes hold
+  double point_radius = 0;  // m, of the ball about it that planes hold
   Vec3 held{};            // m, how far friction holds it back
   bool is_stuck = false;  // by friction
   uint32_t* visits = nullptr;  // that are left for tests of ways; null: without end
@@ -120,7 +121,7 @@ struct Proxy : Planes {
   // [rt] Whether no member is in the way to a place. except: a member that is not asked; count: none.
   bool is_free_to(Vec3 place, uint32_t except) const noexcept;
   bool is_free_to(Vec3 place) const noexcept { return is_free_to(place, count); }
-  // [rt] Where the surface alone has the proxy at `place` against the hand.
+  // [rt] How deep the hand is below the texture when its proxy, held by the surface without friction, is at `place`.
   Press press_at(Vec3 hand, Vec3 place) const noexcept;
 
  private:

@@ -97,7 +97,7 @@ Intensity Cap::lower(const ScaledCurve& p, Curve::Parser* parser, double d, doub
   cut_at_bend(f, true, gap, bend, bend_force, bend_slope);
   cut_at_rise(f, true, gap, rise, slope);
   cut_at_fall(f, true, gap, fall, slope);
-  if (d < radius) {  // f(0), lowered to what it may rise from where the ball only touches
+  if (d < radius) {  // the object is in the ball: f(0), but not steeper than allowed beside that of a ball which just touches
     const double most = f.force + slope * (radius - d);
     f = {raw.force, 0, true};
     cut(f, true, most, -slope);

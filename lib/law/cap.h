@@ -24,7 +24,8 @@ struct ScaledCurve {
 
 struct Cap : Counted<Cap> {
   double slope = 0;  // k, N/m
-  // N: f(d) <= across + slope*d, because of the force on the other side of d = 0, which is across_raw without its cap;
+  // N: f(d) <= across + slope*d, because of the force on the other side of d = 0, which is across with its cap and
+  //      across_raw without it;
   //    f(d) <= rise + slope*d, because of a steep increase;
   //    f(d) <= fall - slope*d, because of the reach or of a steep decrease.
   double across = std::numeric_limits<double>::infinity(), across_raw = across, rise = across, fall = across;

@@ -1,5 +1,5 @@
 // The impact of a surface: the response of one of its tones to a blow (object.h, Surfaces). It is a damped oscillator,
-// whose state is a force and its quadrature: a quarter of a period later, and not damped, that is the force.
+// whose state is the force, and what the force would be a quarter of a period later if nothing damped it.
 #pragma once
 
 #include <cmath>
@@ -31,7 +31,8 @@ struct ImpactLimit {
   double frequency = std::numeric_limits<double>::infinity();  // Hz
   bool operator==(const ImpactLimit&) const = default;
 
-  // stiffness: of the contact, N/m. A first half wave that is over before the handle turns there only slows it.
+  // stiffness: of the contact, N/m. The frequency is raised to that of the handle on the contact's spring: then the first half
+  // wave is over before the handle turns round, and only slows it.
   Impact bounded(const Impact& impact, double stiffness) const noexcept {
     const double own = std::sqrt(stiffness / mass) / (2 * std::numbers::pi);
     return {impact.gain, std::fmin(std::fmax(impact.frequency, own), frequency), impact.decay};
@@ -56,7 +57,8 @@ struct Oscillator {
     force = c * force + s * quadrature;
     quadrature = c * quadrature - s * before;
   }
-  // [rt] N/s: its force changes no faster from now on. For the sum of the squares of the two roots never grows.
+  // [rt] N/s, a bound of how fast its force F changes from now on. As F'' = -2 b F' - (w^2 + b^2) F, the sum
+  // |F'|^2 + (w^2 + b^2) |F|^2 never grows; this is its root.
   double slope(const Impact& impact) const noexcept {
     const double w = impact.turn(), b = impact.decay;
     const Vec3 change = w * quadrature - b * force;

@@ -32,10 +32,10 @@ namespace fs {
 
 using Surface = fs_surface;
 
-// Throws INVALID. heights: of its texture; empty: it has none.
+// Throws INVALID. heights: of its texture; empty: it has none, and columns and rows are 0.
 Ref<const Surface> make_surface(const fs_surface_settings& settings, std::span<const double> heights = {});
 
-// Of the contract.
+// The figures that object.h gives for each fs_impact.
 Impact impact_preset(fs_impact kind) noexcept;
 
 // The Coulomb coefficient: `still` where the proxy sticks; less by `drop` once it has slipped for `distance`.

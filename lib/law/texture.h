@@ -1,6 +1,6 @@
 // The heights of a surface: a smooth function through a grid of heights, which is a uniform bicubic spline (Unser, "Splines: a
 // perfect fit for signal and image processing", IEEE Signal Processing Magazine 16(6), 1999). So the force on it is continuous,
-// and so is the stiffness.
+// and so is the stiffness, but at the border of a grid that does not repeat.
 #pragma once
 
 #include <array>
@@ -46,7 +46,8 @@ class Texture {
     bool repeats;
     unsigned axis;     // 0 to 2, of the object frame
 
-    // Of the coefficients, which reach one beyond the first height, and two beyond the last where it repeats, else one.
+    // How many coefficients there are: one before the first height, one for each height, and after the last one two if the grid
+    // repeats, else one.
     size_t padded() const noexcept { return count + (repeats ? 3 : 2); }
     size_t cells() const noexcept { return padded() - 3; }
     std::vector<double> coefficients(const std::vector<double>& heights) const;

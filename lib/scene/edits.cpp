@@ -15,7 +15,7 @@ std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_
 void refuse_solid_mesh(const Object& object, double radius) {
   if (!(radius > 0) || !object.is_solid() || object.primitive != FS_PRIMITIVE_MESH) return;
   fail(FS_ERROR_UNSUPPORTED,
-       "'%s' is a solid mesh, and the tool's points have a radius of %.9g m: a solid mesh holds points without one",
+       "'%s' is a solid mesh, and the tool's points have a radius of %.9g m: a solid mesh can hold points of radius 0 only",
        object.name.c_str(), radius);
 }
 
@@ -131,7 +131,7 @@ void Edits::require_room() {
   objects.require_room(added, "would hold more than");
 }
 
-void Edits::require_radius(double radius, const std::vector<ParsedObject>& objects) const {
+void Edits::refuse_solid_meshes(double radius, const std::vector<ParsedObject>& objects) const {
   if (!(radius > 0)) return;
   for (const ParsedObject& object : objects) refuse_solid_mesh(*object.object, radius);
   for_each([&](const std::string&, const ObjectState& known) { refuse_solid_mesh(*known.object, radius); });
@@ -244,7 +244,7 @@ void Edits::change_view(ViewChange change) {
 bool Edits::commit(size_t most) {
   assert(group_ && most > 0);
   if (group_->committed == 0) {
-    if (group_->view.point_radius || evaluated_.views.now().tool->point_radius > 0) require_radius(tool_radius());
+    refuse_solid_meshes(tool_radius());
     sort();
   }
   const std::vector<OpenGroup::Change*>& order = group_->order;
@@ -327,7 +327,9 @@ void Edits::merge(std::string_view name, ObjectState& wanted) {
   }
   if (felt.object == wanted.base) return;
   try {
-    wanted.object = parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;
+    const Ref<const Object> merged = parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;
+    refuse_solid_mesh(*merged, tool_radius());
+    wanted.object = merged;
   } catch (const Error&) {  // the parts no longer fit together: the object is what the group has made of it
   }
 }

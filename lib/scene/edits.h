@@ -48,8 +48,8 @@ class Edits {
   // Changes, all checked.
   void require_room(const std::vector<ParsedObject>& objects);  // FULL
   void require_room();  // for what the group adds: others may have added something since. FULL
-  // Tool points with this radius can feel the objects, and those that are to come. UNSUPPORTED
-  void require_radius(double radius, const std::vector<ParsedObject>& objects = {}) const;
+  // Refuses a radius of the tool's points above 0 (m) if one of the scene's objects, or of `objects`, is a solid mesh. UNSUPPORTED
+  void refuse_solid_meshes(double radius, const std::vector<ParsedObject>& objects = {}) const;
   // All of it, or the parts that are named. is_change: of an object that is there; where it has been removed by the time the
   // group is committed, nothing is made of it.
   void put(const ParsedObject& object, uint32_t parts, bool is_change);

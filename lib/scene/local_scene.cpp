@@ -111,7 +111,7 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   check_tool_radius(tool_radius);
   mutate([&](Edits edits) {
     edits.require_room(parsed);
-    edits.require_radius(tool_radius, parsed);
+    edits.refuse_solid_meshes(tool_radius, parsed);
     edits.change_view({.frame = parsed_frame, .points = tool, .point_radius = tool_radius});
     for (const ParsedObject& object : parsed) put(edits, object, all_parts, false);
   });
@@ -218,7 +218,7 @@ std::vector<Vec3> LocalScene::get_tool() {
 void LocalScene::set_tool_radius(double radius) {
   check_tool_radius(radius);
   mutate([&](Edits edits) {
-    edits.require_radius(radius);
+    edits.refuse_solid_meshes(radius);
     edits.change_view({.point_radius = radius});
   });
 }

@@ -54,7 +54,7 @@ void SceneGroup::set_tool(const Vec3* points, size_t count) {
 void SceneGroup::set_tool_radius(double radius) {
   check_tool_radius(radius);
   const std::lock_guard lock(scene_->mutex_);
-  edits_.require_radius(radius);
+  edits_.refuse_solid_meshes(radius);
   edits_.change_view({.point_radius = radius});
 }
 

@@ -27,7 +27,7 @@ fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   reader_.memory->absorb(snapshot, time);
   reader_.memory->begin_tick(time);
   ToolState tool = ToolState::at(checked, points, time);
-  tool.radius = view.tool->point_radius;
+  tool.point_radius = view.tool->point_radius;
   out = evaluate_near(posting.scratches, *reader_.memory, 0, points_ ? what_ : view.version, points, tool);
   return FS_OK;
 }

@@ -92,9 +92,9 @@ void Changes::apply(Scene& scene, const Change& change, uint64_t serial) {
         fail(FS_ERROR_INVALID, "count is %llu points, must be 1..%d", static_cast<unsigned long long>(tool.count),
              FS_TOOL_POINTS_MAX);
       scene.set_tool(tool.points, tool.count);
-      scene.set_tool_radius(tool.radius);
       break;
     }
+    case type_tool_radius: scene.set_tool_radius(change.as<ToolRadius>().radius); break;
     case type_forget: return client_.assets.forget(change.as<Forget>().id);
     default: return;
   }

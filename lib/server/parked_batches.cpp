@@ -22,11 +22,11 @@ bool Subjects::add(const Change& change) {
     case type_frame:
     case type_accuracy:
     case type_max_stiffness:
-    case type_clutch: is_about_view = true; return true;
-    case type_tool:
-      is_about_view = true;
-      is_about_all |= change.as<wire::Tool>().radius > 0;  // solid meshes before it, or after it, are refused with it
-      return true;
+    case type_clutch:
+    case type_tool: is_about_view = true; return true;
+    // A solid mesh and a radius exclude each other. So what sets the radius, to 0 too, must neither overtake what sets an object
+    // nor be overtaken by it.
+    case type_tool_radius: is_about_view = is_about_all = true; return true;
     case type_forget:
       is_forget = true;
       need({change.as<Forget>().id, 0, 0});

@@ -189,7 +189,7 @@ void Requests::pull(const Request& request) {
     out.state = wire::pulled_view;
     out.frame.frame = client_.scene->get_frame(nullptr);
     const std::vector<Vec3> points = client_.scene->get_tool();
-    out.tool.radius = client_.scene->get_tool_radius();
+    out.tool_radius.radius = client_.scene->get_tool_radius();
     out.tool.count = points.size();
     std::copy(points.begin(), points.end(), out.tool.points);
   } else if (const std::string* const next = names.next_untold(parked)) {

@@ -62,6 +62,7 @@ std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noex
     case type_frame: return sizeof(Frame);
     case type_clutch: return sizeof(Clutch);
     case type_tool: return sizeof(wire::Tool);
+    case type_tool_radius: return sizeof(ToolRadius);
     case type_accuracy: return sizeof(Accuracy);
     case type_max_stiffness: return sizeof(MaxStiffness);
     case type_bind: return sizeof(Bind);

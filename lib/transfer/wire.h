@@ -85,6 +85,7 @@ enum Type : uint32_t {
   type_accuracy,     // Accuracy
   type_max_stiffness, // MaxStiffness
   type_surface,      // Surface
+  type_tool_radius,  // ToolRadius
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
@@ -185,9 +186,12 @@ struct MaxStiffness {
 };
 
 struct Tool {
-  double radius;                 // m, of each point
   uint64_t count;
   fs_vec3 points[FS_TOOL_POINTS_MAX];
+};
+
+struct ToolRadius {
+  double radius;                 // m, of each point of the tool
 };
 
 struct Shape {
@@ -241,7 +245,7 @@ enum PulledState : uint32_t {
   pulled_refused,                // there is none, as it was refused
   pulled_waiting,                // a change of the client's own waits for a shape: its outcome is told later
   pulled_asset,                  // the shape, curve or surface of number object.shape was refused: it has to be sent again
-  pulled_view                    // frame and tool
+  pulled_view                    // frame, tool and tool_radius
 };
 
 struct PullAnswer {
@@ -251,6 +255,7 @@ struct PullAnswer {
   Motion motion;                 // of the object: unlike an Object it says how long the twist holds
   Frame frame;
   Tool tool;
+  ToolRadius tool_radius;
   Object object;
 };
 
@@ -271,7 +276,7 @@ static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(HelloAnswer)
 static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
-static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 784 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
+static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(ToolRadius) == 8 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
 static_assert(sizeof(Surface) == 272 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));

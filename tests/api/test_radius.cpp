@@ -86,8 +86,7 @@ START_TEST(the_cap_is_that_of_the_shifted_law) {
 }
 END_TEST
 
-START_TEST(a_point_of_a_tool_feels_nothing_of_its_radius_elsewhere) {
-  // The distance that is told is that of the ball; its force turns about the middle.
+START_TEST(distances_are_told_from_the_skin) {
   World world(in_process);
   fs_object o = fs_object_init("post", FS_PRIMITIVE_POINT);
   o.front = fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -100, 1, 10);  // felt within 10 mm
@@ -105,6 +104,41 @@ START_TEST(a_point_of_a_tool_feels_nothing_of_its_radius_elsewhere) {
   fs_vec3 field{};
   OK(fs_evaluate_field(world.scene, nullptr, FS_NOW, &x, 1, &field));
   EXPECT_VECTOR(field, (fs_vec3{0.1, 0, 0}), 1e-12);
+}
+END_TEST
+
+// On a solid plane a bounded profile goes on from where it was when the ball touched.
+START_TEST(a_bounded_profile_goes_on_where_it_touches) {
+  for (const double radius : {0.0, 0.008}) {
+    for (const double side : {1.0, -1.0}) {
+      Rig rig("radius");
+      fs_object o = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+      (side > 0 ? o.front : o.back) = fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -200, 1, 10);
+      o.contact = solid(side > 0 ? FS_KEEP_FRONT : FS_KEEP_BACK, 100, 5);
+      OK(fs_object_set(rig.scene.get(), &o));
+      set_radius(rig.scene.get(), radius);
+      OK(fs_scene_set_max_stiffness(rig.scene.get(), 100));
+      fs_servo_options options = virtual_options();
+      options.max_stiffness = 0;
+      options.ramp = options.speed_limit = options.damping = -1;
+      rig.fake.info.mass = 0.3;
+      rig.fake.info.damping = 5;
+      rig.fake.state.pose.position.z = side * (radius + 0.01);
+      rig.start(options);
+      rig.step(300);
+      double before = rig.sent().z;
+      for (int i = 0; i < 1100; ++i) {
+        rig.fake.state.pose.position.z -= side * 1e-5;
+        rig.step(1);
+        ck_assert_msg(std::fabs(rig.sent().z - before) <= 200 * 1e-5 + 1e-6, "radius %g, %g from touching: a step of %g N", radius,
+                      side * rig.fake.state.pose.position.z - radius, rig.sent().z - before);
+        before = rig.sent().z;
+      }
+      // 1 mm deep: the spring, and what the profile may have at d = radius.
+      rig.step(100);
+      ck_assert_double_gt(side * rig.sent().z, radius > 0 ? 0.3 : 0.04);
+    }
+  }
 }
 END_TEST
 
@@ -268,6 +302,28 @@ START_TEST(groups_that_contradict) {
 }
 END_TEST
 
+// One thread makes a plane solid while another makes it a mesh: together that would be a solid mesh.
+START_TEST(parts_that_contradict) {
+  const Scene scene = make_scene();
+  const Shape shape = make_mesh(box_mesh({0.01, 0.01, 0.01}));
+  set_radius(scene.get(), r);
+  fs_object plane = fs_object_init("box", FS_PRIMITIVE_PLANE);
+  OK(fs_object_set(scene.get(), &plane));
+  OK(fs_scene_begin(scene.get()));
+  plane.contact = solid(FS_KEEP_FRONT);
+  OK(fs_object_change(scene.get(), &plane, FS_PART_CONTACT));
+  std::thread([&] {
+    const fs_object mesh = box(shape, FS_KEEP_NONE);
+    fs_object plain = mesh;
+    plain.contact = {};
+    OK(fs_object_set(scene.get(), &plain));
+  }).join();
+  OK(fs_scene_commit(scene.get()));  // it is what the group has made of it
+  const Got got(scene.get(), "box");
+  ck_assert(got->primitive == FS_PRIMITIVE_PLANE && got->contact.keep == FS_KEEP_FRONT);
+}
+END_TEST
+
 START_TEST(it_is_in_files_and_views) {
   World world(_i);
   Folder folder;
@@ -368,9 +424,10 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("radius");
-  add_once(suite, "profiles", {the_cap_is_that_of_the_shifted_law, a_point_of_a_tool_feels_nothing_of_its_radius_elsewhere});
+  add_once(suite, "profiles", {the_cap_is_that_of_the_shifted_law, distances_are_told_from_the_skin,
+                                a_bounded_profile_goes_on_where_it_touches});
   add_once(suite, "planes", {planes_are_shifted, either_side_of_a_plane_keeps_the_ball});
-  add_once(suite, "scene", {bad_radii, groups_that_contradict, own_tools_have_it});
+  add_once(suite, "scene", {bad_radii, groups_that_contradict, parts_that_contradict, own_tools_have_it});
   add_on_both(suite, "both", {solid_meshes_refuse_it, it_is_in_files_and_views, it_fades_in});
   return run_suite(suite);
 }

@@ -23,7 +23,8 @@ static const std::vector<Known> known_types = {
     {type_clients, 0},             {type_views, 0},               {type_record, sizeof(After)},
     {type_view, sizeof(Target)},   {type_stats, 0},
     {type_stop_force, 0},          {type_resume_force, 0},        {type_device, 0},              {type_motions, sizeof(Target)},
-    {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)}};
+    {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)},
+    {type_tool_radius, sizeof(ToolRadius)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
 
@@ -134,7 +135,7 @@ START_TEST(what_belongs_in_no_group) {
   std::vector<Known> strangers{{type_group, sizeof(Group)}, {type_reply, 0}, {77, 0}};
   for (const Known& known : known_types) {
     const bool is_change = known.type >= type_set && known.type <= type_tool && known.type != type_clear;
-    if (!is_change && known.type != type_bind) strangers.push_back(known);
+    if (!is_change && known.type != type_bind && known.type != type_tool_radius) strangers.push_back(known);
   }
   for (const Known& stranger : strangers) {
     RawClient client = rig.join("group");

@@ -363,7 +363,7 @@ START_TEST(torque_limit_of_a_client) {
   for (const bool has_torque : {true, false}) {
     Rig rig(server_options(), servo_options(), has_torque);
     RawClient client = rig.join("lever");
-    Tool tool{0, 1, {{1, 0, 0}}};  // m from the handle
+    Tool tool{1, {{1, 0, 0}}};  // m from the handle
     client.send(type_tool, tool);
     client.set(0, push("push", 1, {0, 0, 1}));
     ck_assert_int_eq(rig.sync(client), FS_OK);

@@ -165,7 +165,12 @@ class Actor {
         break;
       case 2: client_->send(type_clutch, Clutch{random_.below(2)}, -1, more); break;
       case 3: {
-        Tool tool{random_.coin() ? 0 : random_.log_between(1e-4, 0.1), 1 + random_.below(FS_TOOL_POINTS_MAX), {}};
+        if (random_.coin(0.3)) {
+          const double radius = random_.coin() ? 0 : random_.log_between(1e-4, 0.1);
+          client_->send(type_tool_radius, spoiled(ToolRadius{radius}), -1, more);
+          break;
+        }
+        Tool tool{1 + random_.below(FS_TOOL_POINTS_MAX), {}};
         for (fs_vec3& point : tool.points) point = random_.in_box(0.05);
         client_->send(type_tool, spoiled(tool), -1, more);
         break;

@@ -84,7 +84,7 @@ START_TEST(lanes_agree) {
     for (const bool is_wide : {true, false}) {
       allow_avx2(is_wide);
       for (unsigned k = 0; k < 2; ++k) {
-        felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.radius, tool.points[k].arm, weights, 0.5,
+        felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.point_radius, tool.points[k].arm, weights, 0.5,
                                      is_wide ? wide : usual);
       }
     }

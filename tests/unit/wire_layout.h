@@ -45,7 +45,8 @@ inline std::string wire_layout() {
   RECORD(Clutch, is_held);
   RECORD(Accuracy, newtons);
   RECORD(MaxStiffness, stiffness);
-  RECORD(wire::Tool, radius, count, points);
+  RECORD(wire::Tool, count, points);
+  RECORD(wire::ToolRadius, radius);
   RECORD(wire::Shape, id, primitive, is_closed, point_count, triangle_count);
   RECORD(wire::Curve, id, count, step, expression);
   RECORD(Forget, id);
@@ -60,7 +61,7 @@ inline std::string wire_layout() {
   RECORD(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   RECORD(ServoOutput, time, tick, used, hand);
   RECORD(InboxHead, batch, has_left, summary);
-  text += "types " + std::to_string(type_max_stiffness) + ' ' + std::to_string(type_resume_force) + ' ' +
+  text += "types " + std::to_string(type_tool_radius) + ' ' + std::to_string(type_resume_force) + ' ' +
           std::to_string(type_reply) + " inbox " + std::to_string(Inbox::bytes(64)) + '\n';
 #undef RECORD
 #undef PICK

@@ -316,11 +316,11 @@ def surface(
     slip_distance: float = 0,
     impact: int | _ImpactName | tuple[float, float, float] = "none",
     heights: ArrayLike | str | None = None,
-    count: tuple[int, int] = (0, 0),
-    width: float | tuple[float, float] = 0,
-    first: tuple[float, float] = (0, 0),
-    axis: Axis | Literal["x", "y", "z"] = "z",
-    repeats: bool = False,
+    count: tuple[int, int] | None = None,
+    width: float | tuple[float, float] | None = None,
+    first: tuple[float, float] | None = None,
+    axis: Axis | Literal["x", "y", "z"] | None = None,
+    repeats: bool | None = None,
 ) -> Surface:
     """What the surface of a solid object does: `surface=` of a Plane or Mesh.
 
@@ -342,17 +342,17 @@ def surface(
     )
     _put_impact(settings, impact)
     if heights is None:
-        if count != (0, 0) or width != 0 or first != (0, 0) or axis != "z" or repeats:
+        if any(given is not None for given in (count, width, first, axis, repeats)):
             raise TypeError("count, width, first, axis and repeats are those of heights, which are missing")
         return _core.surface_create(settings)
-    settings.column_width, settings.row_width = width if isinstance(width, tuple) else (width, width)
-    settings.first_column, settings.first_row = first
-    settings.axis = axis
-    settings.repeats = repeats
+    settings.column_width, settings.row_width = np.broadcast_to(0 if width is None else width, 2)
+    settings.first_column, settings.first_row = (0, 0) if first is None else first
+    settings.axis = "z" if axis is None else axis
+    settings.repeats = bool(repeats)
     if isinstance(heights, str):
-        settings.columns, settings.rows = count
+        settings.columns, settings.rows = (0, 0) if count is None else count
         return _core.surface_create_expression(settings, heights)
-    if count != (0, 0):
+    if count is not None:
         raise TypeError("count is that of heights by an expression; an array has its own")
     grid = np.asarray(heights, dtype=float)
     if grid.ndim != 2:

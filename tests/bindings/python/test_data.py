@@ -442,6 +442,8 @@ def test_surfaces():
     assert np.allclose(waved.get_heights(), [0, -1e-3, -2e-3, -4e-3, -5e-3, -6e-3], atol=1e-15)
     with pytest.raises(fs.Error, match="at 'q'"):
         fs.surface(heights="-q", count=(3, 2), width=1)
+    same = fs.surface(heights="-x - 2*y", count=[3, 2], width=[1e-3, 2e-3], first=[0, 0], axis=fs.Axis.Z, repeats=False)
+    assert np.array_equal(same.get_heights(), waved.get_heights())
     for wrong in ({"heights": [[-1]], "count": (1, 1)}, {"count": (1, 1)}, {"heights": [1, 2]}, {"width": 1e-3}, {"repeats": True}):
         with pytest.raises(TypeError, match="heights"):
             fs.surface(**wrong)
