@@ -44,7 +44,8 @@ class Questions {
   void note(const Change& change) {
     if (open_ == 0) return;
     if (change.type == wire::type_clear) all_changed_ = newest_;
-    const bool is_frame = change.type == wire::type_frame, is_tool = change.type == wire::type_tool || change.type == wire::type_tool_radius;
+    const bool is_frame = change.type == wire::type_frame,
+               is_tool = change.type == wire::type_tool || change.type == wire::type_tool_radius;
     changed_[is_frame ? frame : is_tool ? tool : std::string(change.name())] = newest_;
   }
   // Whether it was changed after the question was asked.

@@ -86,8 +86,8 @@ uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t
   Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_entry(object, pose, point.position, tool.point_radius, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort,
-                    error)) {
+    if (!find_entry(object, pose, point.position, tool.point_radius, each, slope, entry, stiffness, hints ? hints + k : nullptr,
+                    effort, error)) {
       return;
     }
     entry.arm = point.arm;
@@ -124,7 +124,8 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
-      felt |= add_points(chunk, points_near, tool.points[k].position, tool.point_radius, tool.points[k].arm, given, point_weight, sum);
+      felt |= add_points(chunk, points_near, tool.points[k].position, tool.point_radius, tool.points[k].arm, given, point_weight,
+                         sum);
     }
     const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
     for_each_bit(solids_near, [&](uint32_t i) {

@@ -175,7 +175,8 @@ bool PointProxies::gather(const Point& point) noexcept {
     const Object& object = *solids[i].object;
     if (before_[i].is_done || before_[i].left || (i != first && !can_share(object, *solids[first].object))) return;
     const bool is_apart = i != first && before && !(before->proxy == known->proxy);
-    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.point_radius, proxy_.visits))) return;
+    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.point_radius, proxy_.visits)))
+      return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
     if (touch && before) *touch = *before;
     if (touch && is_apart) touch->at = to_local(before->pose, known->proxy);

@@ -60,8 +60,8 @@ struct Touch {
   double slipped;       // the part of its surface's slip distance, 0 to 1, since it stuck
   Side side;            // that is kept
   bool is_touching;
-  Vec3 normal;          // scene frame, where the surface pushes: it is touching, and is below the texture; else 0. A unit vector where
-                        // its surface has an impact
+  Vec3 normal;  // scene frame, where the surface pushes: it is touching, and is below the texture; else 0. A unit vector where
+  // its surface has an impact
 };
 // A solid that shares a proxy.
 struct Member {
@@ -71,8 +71,8 @@ struct Member {
 };
 struct Plane {
   Vec3 normal;
-  double offset;       // normal * x >= offset
-  double margin;       // m, by which it lies above the surface
+  double offset;  // normal * x >= offset
+  double margin;  // m, by which it lies above the surface
   uint32_t member = 0;
 };
 // Planes that hold a point.
@@ -95,10 +95,10 @@ inline constexpr uint32_t most_solids = 256;  // near a tool
 
 // How the surface is pushed.
 struct Press {
-  Vec3 normal{};          // unit, of the surface without its texture; 0: nothing is pushed
-  double depth = 0;       // m, of the hand below the texture, along the normal
-  Vec3 slope{};           // m/m, of the texture's height along the surface,
-  Mat3 curvature{};       // and its curvature, 1/m
+  Vec3 normal{};  // unit, of the surface without its texture; 0: nothing is pushed
+  double depth = 0;  // m, of the hand below the texture, along the normal
+  Vec3 slope{};  // m/m, of the texture's height along the surface,
+  Mat3 curvature{};  // and its curvature, 1/m
 
   Vec3 turned() const noexcept { return normal - slope; }  // along the normal of the texture, but longer than 1
 };
@@ -107,9 +107,9 @@ struct Press {
 struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;
-  Vec3 at{};              // m, scene frame
+  Vec3 at{};  // m, scene frame
   double point_radius = 0;  // m, of the ball about it that planes hold
-  Vec3 held{};            // m, how far friction holds it back
+  Vec3 held{};  // m, how far friction holds it back
   bool is_stuck = false;  // by friction
   uint32_t* visits = nullptr;  // that are left for tests of ways; null: without end
 

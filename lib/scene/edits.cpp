@@ -327,7 +327,8 @@ void Edits::merge(std::string_view name, ObjectState& wanted) {
   }
   if (felt.object == wanted.base) return;
   try {
-    const Ref<const Object> merged = parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;
+    const Ref<const Object> merged =
+        parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;
     refuse_solid_mesh(*merged, tool_radius());
     wanted.object = merged;
   } catch (const Error&) {  // the parts no longer fit together: the object is what the group has made of it

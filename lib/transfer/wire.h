@@ -276,7 +276,8 @@ static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(HelloAnswer)
 static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
-static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(ToolRadius) == 8 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
+static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(ToolRadius) == 8 && sizeof(Shape) == 32 &&
+              sizeof(Curve) == 280);
 static_assert(sizeof(Surface) == 272 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
