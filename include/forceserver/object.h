@@ -366,6 +366,7 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  *   with stiffness * s * (n - grad h). That is the gradient of the energy stiffness * s^2 / 2, so no closed path gains any.
  *   Friction acts about the turned normal n - grad h. h is taken where the proxy would be without friction.
  * - This is exact on planes and on a flat part of a mesh, where grad h is the part of it along the surface.
+ *   Only a tool of several points may gain a little: its object's limit makes the sum of their forces smaller, not each.
  * - An object with a texture has a proxy of its own. With g the steepest slope of h the force along the normal is limited to
  *   limit / ((g + sqrt(g^2 + 4)) / 2), so that the whole force stays within the limit on each slope.
  * - fs_report.stiffness_wanted is the larger eigenvalue of the matrix (k, k g; k g, k g^2 + limit c), where k is the stiffness

@@ -120,7 +120,8 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
  * set back to what the server has; only objects that were new in the group stay in this process, refused. So it does
  * (NOT_FOUND) where the group changes or removes an object of another client that is gone by then. Of an object that
  * somebody else, also another thread, has changed since, only the parts change that the group has changed (with
- * fs_object_set: all); one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
+ * fs_object_set: all); one that somebody else has removed stays removed, unless the group sets it. UNSUPPORTED: with what
+ * others have changed since it would be a solid mesh beside a radius of the tool; the group stays open. MEMORY: a part may be
  * felt already, and stays so; the rest is still an open group, which may grow: commit it again, or cancel it. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 

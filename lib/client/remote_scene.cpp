@@ -215,6 +215,7 @@ void RemoteScene::begin() {
 // Where it fails before the group is sent, the group stays open. After that it fails only if the scene is lost.
 void RemoteScene::commit() {
   Call call = line_.enter();
+  replica_.scene->check_commit();
   {
     SendingAhead ahead(line_, sent_);
     Group* const group = groups_.mine();

@@ -14,12 +14,14 @@ constexpr double least_speed = 0.02;  // m/s
 constexpr double free_for = 0.05;     // s
 constexpr double free_way = 1e-3;     // m
 
-bool is_near(const Impacts::Source& source, Vec3 place, double range) noexcept {
+// Whether a place is on the side that the solid keeps, and farther from it than the range, m.
+bool is_clear(const Impacts::Source& source, Vec3 place, double range) noexcept {
   Closest closest;
-  Effort effort{.visits = 256};
+  Effort effort{.visits = 1024};
   const Vec3 local = to_local(source.pose, place);
-  return closest_point(source.object->primitive, source.object->shape.get(), local, range, closest, nullptr, &effort) ||
-         effort.is_cut;
+  const bool is_found =
+      closest_point(source.object->primitive, source.object->shape.get(), local, never, closest, nullptr, &effort);
+  return is_found && !effort.is_cut && closest.distance > range && keeps(source.object->contact, closest.side);
 }
 
 }  // namespace
@@ -31,7 +33,8 @@ Impacts::One* Impacts::find(uint64_t version, uint32_t point) noexcept {
   return nullptr;
 }
 
-void Impacts::meet(const Source& source, const Meeting& meeting, const ToolState& tool) noexcept {
+// weight: of the version and those that take over from it, each of which may be struck by itself.
+void Impacts::meet(const Source& source, double weight, const Meeting& meeting, const ToolState& tool) noexcept {
   One* one = find(source.version, meeting.point);
   const bool is_armed = meeting.was_free && (!one || one->is_armed);
   if (!one) {
@@ -40,7 +43,7 @@ void Impacts::meet(const Source& source, const Meeting& meeting, const ToolState
     *one = One{};
     one->version = source.version;
     one->point = meeting.point;
-    one->weight = source.weight;
+    one->weight = weight;
   }
   one->free = 0;
   one->is_armed = false;
@@ -51,7 +54,8 @@ void Impacts::meet(const Source& source, const Meeting& meeting, const ToolState
   if (!(speed >= least_speed)) return;
   const uint32_t all = tool.all_points(), feeling = tool.is_any_point ? all : source.object->point_mask() & all;
   const Impact asked = source.object->surface->impact();
-  const double wanted = std::min(asked.gain * speed * tool.scale, source.object->contact.limit) / std::popcount(feeling);
+  const double part = weight > 0 ? source.weight / weight : 0;
+  const double wanted = part * std::min(asked.gain * speed * tool.scale, source.object->contact.limit) / std::popcount(feeling);
   const double stiffness = stiffness_of(source.object->contact) * tool.scale * tool.force_scale;  // at the device
   // What still rings keeps its tone, as its slope would not be that which was counted.
   if (one->now.is_over()) one->impact = tool.impacts ? tool.impacts->limit().bounded(asked, stiffness) : asked;
@@ -74,18 +78,22 @@ void Impacts::feel(const Impacts* last, double step, std::span<const Source> sou
     const auto found = std::ranges::find(sources, version, &Source::version);
     return found == sources.end() ? nullptr : &*found;
   };
+  const auto heir_of = [&](uint64_t version) {
+    const auto found = std::ranges::find(sources, version, &Source::takes_over);
+    return found == sources.end() ? nullptr : &*found;
+  };
+  const auto whole_weight = [&](const Source* source) {  // of the version, and those that take over from it
+    double sum = 0;
+    for (; source; source = heir_of(source->version)) sum += source->weight;
+    return sum;
+  };
   for (uint32_t i = 0; last && i < last->count_; ++i) {
     One one = last->all_[i];
-    const auto heir_of = [&](uint64_t version) {
-      const auto found = std::ranges::find(sources, version, &Source::takes_over);
-      return found == sources.end() ? nullptr : &*found;
-    };
     const Source* source = source_of(one.version);
     if (!source) source = heir_of(one.version);
     if (source) {  // the version in which it began, and those that take over its weight
       one.version = source->version;
-      one.weight = 0;
-      for (const Source* s = source; s; s = heir_of(s->version)) one.weight += s->weight;
+      one.weight = whole_weight(source);
     }
     one.now.go_on(one.impact, step);
     if (one.now.is_over()) one.now = {}, one.is_bounded = false;
@@ -93,12 +101,12 @@ void Impacts::feel(const Impacts* last, double step, std::span<const Source> sou
     one.age += step;
     const bool is_far =
         !source || one.point >= tool.count ||
-        (one.free >= free_for && !is_near(*source, tool.points[one.point].position, tool.point_radius + free_way * tool.scale));
+        (one.free >= free_for && is_clear(*source, tool.points[one.point].position, tool.point_radius + free_way * tool.scale));
     one.is_armed |= one.free >= free_for && is_far;
     if (!one.is_armed || !one.now.is_over()) all_[count_++] = one;
   }
   for (const Meeting& meeting : meetings) {
-    if (const Source* const source = source_of(meeting.version)) meet(*source, meeting, tool);
+    if (const Source* const source = source_of(meeting.version)) meet(*source, whole_weight(source), meeting, tool);
   }
   for (uint32_t i = 0; i < count_; ++i) {
     const One& one = all_[i];

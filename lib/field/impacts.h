@@ -89,7 +89,7 @@ class Impacts {
   };
 
   One* find(uint64_t version, uint32_t point) noexcept;
-  void meet(const Source& source, const Meeting& meeting, const ToolState& tool) noexcept;
+  void meet(const Source& source, double weight, const Meeting& meeting, const ToolState& tool) noexcept;
 
   std::array<One, most> all_;
   uint32_t count_ = 0;

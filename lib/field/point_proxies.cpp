@@ -22,10 +22,6 @@ bool can_share(const Object& a, const Object& b) noexcept {
   return stiffness_of(a.contact) == stiffness_of(b.contact) && a.contact.limit == b.contact.limit && !a.texture() && !b.texture();
 }
 
-bool keeps(const fs_contact& contact, Side side) noexcept {
-  return contact.keep == FS_KEEP_EITHER || (contact.keep == FS_KEEP_BACK) == (side == Side::back);
-}
-
 bool has_free_way(const Touch& touch, const Object& object, Vec3 place, double radius,
                   uint32_t* visits) noexcept {  // in the last tick
   Crossing crossing;

@@ -12,6 +12,10 @@
 
 namespace fs {
 
+// Whether a contact keeps the tool on this side.
+inline bool keeps(const fs_contact& contact, Side side) noexcept {
+  return contact.keep == FS_KEEP_EITHER || (contact.keep == FS_KEEP_BACK) == (side == Side::back);
+}
 // How much of a force of this size is within a limit.
 inline double part_within(double limit, double size) noexcept { return size > limit ? limit / size : 1; }
 // How much of the damping may act beside a spring that is within the limit: the sum has to be, too.

@@ -258,7 +258,7 @@ bool Proxies::was_free(const Touches::View* last, const Impacts::Source& source,
     for (const Touch& touch : touches_.last_touches(last->layers[n])) {
       if (touch.point != point || (touch.version != source.version && touch.version != source.takes_over)) continue;
       if (!(touch.normal == Vec3{})) return false;
-      is_known = true;
+      is_known |= keeps(source.object->contact, touch.side);
     }
   }
   return is_known;

@@ -182,6 +182,11 @@ void LocalScene::commit() {
   });
 }
 
+void LocalScene::check_commit() {
+  const std::lock_guard lock(mutex_);
+  edits().refuse_solid_meshes(edits().tool_radius());
+}
+
 void LocalScene::cancel() {
   const std::lock_guard lock(mutex_);
   require_group("fs_scene_cancel");

@@ -56,6 +56,7 @@ struct LocalScene final : Scene {
   // Groups. Changes and getters see the group of the calling thread, if it has one open.
   void begin() override;
   void commit() override;
+  void check_commit();  // whether others have changed what the thread's group cannot be together with. UNSUPPORTED
   void cancel() override;
   void sync(double timeout) override;
 
