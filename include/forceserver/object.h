@@ -347,9 +347,8 @@ FS_API void fs_curve_destroy(fs_curve *curve);
 /* ---- Surfaces: what a solid object's surface does. A surface lives as long as the caller's reference or an object needs it.
  *
  * Stick and slip. As long as the proxy sticks, friction holds it with static_friction times the normal force F (N), which is
- * the stiffness k of the contact (N/m) times the depth (m). Once it slips
- * the coefficient falls, in proportion to the way of the proxy along the surface, and is dynamic_friction from
- * slip_distance on. The proxy sticks again, with the static coefficient, when the hand has come back so far that friction
+ * the stiffness k of the contact (N/m) times the depth (m). Once it slips the coefficient falls, in proportion to the way of
+ * the proxy along the surface, and is dynamic_friction from slip_distance on. The proxy sticks again, with the static coefficient, when the hand has come back so far that friction
  * is less by a tenth of the difference of the two, or when it has left the surface. All of this depends on ways alone, not
  * on speed or time. The proxy is only ever moved towards the hand, so no closed path gains energy, and at rest it does not
  * creep (Hayward & Armstrong, "A new computational model of friction applied to haptic rendering", 2000). A hand of
@@ -357,7 +356,8 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  * seconds, and slips for half an oscillation, where k is much larger than k_hand.
  *
  * While it falls friction has a negative slope, of (static - dynamic) F / slip_distance. So that this is at most half of the
- * stiffness of the contact, slip_distance counts as 2 (static - dynamic) times the depth at least. Solid objects that share a proxy have the mean of their coefficients, by how far each pushes.
+ * stiffness of the contact, slip_distance counts as 2 (static - dynamic) times the depth at least. Solid objects that share a
+ * proxy have the mean of their coefficients, by how far each pushes.
  *
  * Texture. A grid of heights, none above 0, is projected along an axis of the object and carved into the surface. Between the
  * heights goes a bicubic spline h (Unser, "Splines: a perfect fit for signal and image processing", 1999). At the border of a
@@ -376,17 +376,17 @@ FS_API void fs_curve_destroy(fs_curve *curve);
  * Impact. Where a tool point meets the surface at v m/s, along the normal and relative to the object, it also feels
  * impact_gain * v * exp(-impact_decay * t) * sin(2 pi * impact_frequency * t), outwards first (Okamura, Cutkosky & Dennerlein,
  * "Reality-based models for vibration feedback in virtual environments", IEEE/ASME Trans. Mechatronics 6(3), 2001). It goes on
- * until it has decayed, also when the point has left again. Its amplitude is at most contact.limit, and the force of the object stays
- * within that. On a texture it begins where the spring begins to push. A tool of one's own must give fs_state.twist: a hand without
- * a velocity gives no impact. Of solids with an impact 64 near the tool are heard, and 128 pairs of a solid and a tool point.
- * A point that comes slower than 20 mm/s at the device gives none, and
- * after each contact the point must have been free for 50 ms, and 1 mm above the surface, before it gives the next. An object
+ * until it has decayed, also when the point has left again. Its amplitude is at most contact.limit, and the force of the object
+ * stays within that. On a texture it begins where the spring begins to push. A tool of one's own must give fs_state.twist: a
+ * hand without a velocity gives no impact. Of the solids near the tool at most 64 give impacts, and at most 128 pairs of a solid
+ * and a tool point. A point that comes slower than 20 mm/s at the device gives none, and after each contact the point must have been free for 50 ms, and 1 mm above the surface, before it gives the next. An object
  * that is set where the hand is gives none. With several tool points each gives its part: they share impact_gain.
  * Under a servo all impacts together change by at most a quarter of the slew limit (fs_servo_options.slew), so they never have
  * the guard hold back other forces; the first half wave slows the hand by at most half of v, with the mass that the device tells,
  * and the frequency is at least that of the handle on the spring of the contact: so the hand does not leave faster than it
  * came. The frequency is at most an eighth of the servo's rate. A device that renders local models feels none, because its
- * controller cannot follow them. fs_report.impact_lost tells how much of the amplitude is lost, but not that the frequency is another. */
+ * controller cannot follow them. fs_report.impact_lost tells how much of the amplitude is lost, but not that
+ * the frequency is another. */
 
 /* The axis of the object along which a grid of heights is projected. */
 typedef enum fs_axis {

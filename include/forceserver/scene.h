@@ -216,8 +216,9 @@ FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacit
 /* Sets the radius of each point of the tool, m of the scene, 0..1e15; 0 (default): the points have no size. With a radius r
  * each is a ball, whose middle is where the point is: a profile is felt at f(max(0, d - r), t), where d is the distance from
  * the middle to the object, and a solid plane holds the ball, so that its middle stays r away from the plane. Its texture is
- * felt where the ball touches the plane. Forces act at the middle, so the radius adds no torque. A solid mesh cannot hold a ball: while the radius is above 0 no object can be a solid mesh, and while one is,
- * the radius stays 0 (UNSUPPORTED). It holds for all tools of the scene, those of one's own (evaluate.h) too; fields have
+ * felt where the ball touches the plane. Forces act at the middle, so the radius adds no torque. A solid mesh cannot hold a
+ * ball: while the radius is above 0 setting or changing an object to a solid mesh is UNSUPPORTED, and while one is there so is
+ * a radius above 0. It holds for all tools of the scene, those of one's own (evaluate.h) too; fields have
  * none. Another radius fades in as another set of points does; a tool of one's own forgets its proxies. */
 FS_API fs_status fs_scene_set_tool_radius(fs_scene *scene, double radius);
 

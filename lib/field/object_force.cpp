@@ -99,8 +99,8 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
                      ObjectForce& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.support() + tool.point_radius;
-  if (mask == 0 || !(object.support() >= 0)) return false;
+  const double own_support = object.support(), support = own_support + tool.point_radius;
+  if (mask == 0 || !(own_support >= 0)) return false;
   const double point_weight = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time, tool.blend);
   Pose pose;

@@ -335,8 +335,8 @@ double PointProxies::explained_change(const Point& point, const Member& member) 
 }
 
 // The profiles of the members act where the proxy is; on the surface along its normal. Those of a plane act where the proxy would be
-// if only the plane held it: at the hand where that is free of the plane, else where it touches the plane. So they depend on the hand's place alone, and give no
-// energy on a closed path, also where another solid holds the proxy.
+// if only the plane held it: at the hand where that is free of the plane, else where it touches the plane. So they depend on the
+// hand's place alone, and give no energy on a closed path, also where another solid holds the proxy.
 void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
   Effort* const effort = point.tick.effort;
