@@ -163,7 +163,7 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
 
 // Puts what an object is to be into the group, or makes it so at once.
 void Edits::put(std::string_view name, ObjectState wanted, bool is_more_than_moved, bool is_known) {
-  wanted.motion_revision = next_serial();
+  if (group_) wanted.motion_revision = next_serial();  // another comes with the commit
   wanted.is_more_than_moved = is_more_than_moved;
   Objects& objects = evaluated_.objects;
   const bool is_new = !is_known && !objects.has_name(name) && !(group_ && group_->find(name));

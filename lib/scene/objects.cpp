@@ -122,10 +122,10 @@ void Objects::take(std::string_view name, ObjectState& wanted, NewName new_name)
   Named* const named = find_named(name, wanted.id);
   const bool is_there = named && !named->second.is_removed;
   if (!is_there && (wanted.is_removed || wanted.is_change)) return;  // it is gone
+  wanted.motion_revision = next_serial();  // it is seen from now on, however long ago it was wanted
   if (!named) return add(new_name ? std::move(new_name) : make_name(name), wanted);
   Item& item = named->second;
   wanted.revision = later_revision(wanted.revision, rows.row(item.row).revision);
-  wanted.motion_revision = later_revision(wanted.motion_revision, rows.motion_revision(item.row));
   if (!wanted.is_more_than_moved) return move(*named, wanted.track, wanted.motion, wanted.expiry, wanted.motion_revision);
   auto track = !wanted.is_removed && wanted.track.before.is_known ? std::make_unique<Track>(wanted.track) : nullptr;
   const double before = item.is_removed ? never : rows.row(item.row).expiry;

@@ -66,7 +66,7 @@ class Objects {
   uint32_t row_of(std::string_view name, const ObjectState& known = {}) noexcept;
 
   // Makes an object what is wanted: set, moved or removed. Its revisions grow, also where it has been changed since wanted
-  // was made. Throws before anything is changed: no memory.
+  // was made, and its motion_revision is a new number: whoever has looked before finds it among those that came since. Throws before anything is changed: no memory.
   // new_name: what make_name has made of the name, or empty. Names that are made in a row lie together in memory, so that
   // they are found fast in that order.
   void take(std::string_view name, ObjectState& wanted, NewName new_name = {});
