@@ -198,6 +198,11 @@ class Scene : public std::unique_ptr<fs_scene, GiveBack<fs_scene_destroy>> {
       return fs_scene_get_motions(get(), client, out, capacity, count);
     });
   }
+  std::vector<fs_motion> get_motions_since(const char* client, uint64_t since) const {
+    return list_of<fs_motion>([&](fs_motion* out, std::size_t capacity, std::size_t* count) {
+      return fs_scene_get_motions_since(get(), client, since, out, capacity, count);
+    });
+  }
   fs_event next_event(double timeout) const {
     fs_event out{};
     throw_on_error(fs_scene_next_event(get(), timeout, &out));

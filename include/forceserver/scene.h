@@ -356,8 +356,9 @@ typedef struct fs_motion {
   fs_primitive primitive;       /* as set */
   uint32_t reserved_32;         /* 0 */
   uint64_t revision;            /* grows with every change except moves: when it does, call fs_object_get again */
-  uint64_t motion_revision;     /* grows with every change and every move. While it is the same, nothing in this struct
-                                   has changed. A later object with the same name never has an earlier number */
+  uint64_t motion_revision;     /* grows with every change and every move, and again when the group that it is in is
+                                   committed. While it is the same, nothing in this struct has changed. A later object
+                                   with the same name never has an earlier number */
   fs_pose pose;                 /* at `time`, not extrapolated */
   fs_twist twist;               /* from `time` on: m/s, rad/s; given or worked out (fs_object_move) */
   double time;                  /* s, on the scene's clock */
@@ -381,6 +382,17 @@ FS_API fs_status fs_motion_at(const fs_motion *motion, double time, fs_pose *out
  * server's own scene. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
 FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
                                       size_t *count);
+
+/* Those of them whose motion_revision is above `since`, a list in the order of motion_revision: for a viewer or bridge that
+ * looks many times a second. 0: all. Give the largest motion_revision that you were given, for each `client` its own: no change
+ * is lost, also when the buffer is small, and none is told twice. client: in a connected scene null means all other clients and
+ * the server's own scene, whose revisions are counted in the server; the scene's own name means its own objects, whose
+ * revisions are counted in this process, with those that the server has not taken yet or has refused. A scene in this process
+ * has only null, its objects. What a group changes, also this thread's, is told when it is committed. That an object is removed
+ * is not told: where fs_client.objects is less than the number of names that you have of a client, list them anew by
+ * fs_scene_get_motions. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
+FS_API fs_status fs_scene_get_motions_since(fs_scene *scene, const char *client, uint64_t since, fs_motion *out,
+                                            size_t capacity, size_t *count);
 
 /* What happened. */
 typedef enum fs_event_kind {

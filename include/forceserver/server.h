@@ -51,7 +51,8 @@ FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs
 typedef struct fs_client {
   char name[FS_NAME_SIZE];      /* its client_name; "server": the server's own scene */
   uint32_t process, user;       /* the system's ids of them */
-  uint32_t objects;             /* the number of objects that it has now */
+  uint32_t objects;             /* the number of objects that it has now: as many as other clients find in
+                                   fs_scene_get_motions */
   uint32_t reserved_32;         /* 0 */
   double connected;             /* s, when it connected, on the scene's clock; 0: the server itself */
   double force_limit;           /* N, of its summed force */

@@ -247,6 +247,11 @@ fs_status fs_scene_get_motions(fs_scene* scene, const char* client, fs_motion* o
   return on_scene(scene, [&] { copy_list(scene->motions(client), out, capacity, count); });
 }
 
+fs_status fs_scene_get_motions_since(fs_scene* scene, const char* client, uint64_t since, fs_motion* out, size_t capacity,
+                                     size_t* count) {
+  return on_scene(scene, [&] { copy_list(scene->motions_since(client, since), out, capacity, count); });
+}
+
 fs_status fs_scene_next_event(fs_scene* scene, double timeout, fs_event* out) {
   return on_scene(scene, [&] {
     require_pointer(out, "out");

@@ -414,6 +414,12 @@ std::vector<fs_motion> RemoteScene::motions(const char* client) {
   return client ? reports_.foreign_motions(call, client) : reports_.all_motions(call);
 }
 
+std::vector<fs_motion> RemoteScene::motions_since(const char* client, uint64_t since) {
+  Call call = line_.enter();
+  if (client && client_ == client) return reports_.own_motions_since(call, since);
+  return reports_.foreign_motions_since(call, client, since);
+}
+
 std::vector<fs_client> RemoteScene::clients() {
   Call call = line_.enter();
   pulls_.look();

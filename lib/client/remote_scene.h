@@ -57,6 +57,7 @@ struct RemoteScene final : Scene {
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
   std::vector<fs_motion> motions(const char* client) override;
+  std::vector<fs_motion> motions_since(const char* client, uint64_t since) override;
   fs_event next_event(double timeout) override { return events_.next(timeout); }
 
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;

@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "scene/moment.h"
 
 namespace fs {
 
@@ -67,9 +68,26 @@ std::vector<fs_motion> Reports::own_motions(Call& call) {
   return replica_.scene->motions(nullptr);
 }
 
+std::vector<fs_motion> Reports::own_motions_since(Call& call, uint64_t since) {
+  pulls_.catch_up(call);
+  replica_.catch_up_with_moves();
+  return replica_.scene->motions_since(nullptr, since);
+}
+
+static wire::Target to_client(const char* name) {
+  if (!*name) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
+  return to_target(name, "client");
+}
+
 std::vector<fs_motion> Reports::foreign_motions(Call& call, const char* client) {
-  if (!*client) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
-  return line_.request(call, wire::type_motions, to_target(client, "client")).list<fs_motion>();
+  return line_.request(call, wire::type_motions, to_client(client)).list<fs_motion>();
+}
+
+std::vector<fs_motion> Reports::foreign_motions_since(Call& call, const char* client, uint64_t since) {
+  const wire::Since wanted{client ? to_client(client) : wire::Target{}, since};
+  std::vector<fs_motion> out = line_.request(call, wire::type_motions_since, wanted).list<fs_motion>();
+  sort_by_revision(out);
+  return out;
 }
 
 // The request may wait, so it comes first: own objects are looked at without giving the lock back.

@@ -25,6 +25,10 @@ class Reports {
   std::vector<fs_motion> foreign_motions(Call& call, const char* client);  // of another client's objects. NOT_FOUND
   std::vector<fs_motion> all_motions(Call& call);                          // the client's own objects first
 
+  // Those above `since`, by motion_revision.
+  std::vector<fs_motion> own_motions_since(Call& call, uint64_t since);
+  std::vector<fs_motion> foreign_motions_since(Call& call, const char* client, uint64_t since);  // null: of all others. NOT_FOUND
+
  private:
   fs_report in_group(const fs_report& ours, const fs_report* theirs) const;
 

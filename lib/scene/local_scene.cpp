@@ -285,6 +285,15 @@ std::vector<fs_motion> LocalScene::motions(const char* client) {
   return out;
 }
 
+std::vector<fs_motion> LocalScene::motions_since(const char* client, uint64_t since) {
+  require_no_client(client);
+  const Moment moment(Ref<LocalScene>::retain(this), false);  // a group that is cancelled would leave no trace
+  std::vector<fs_motion> out;
+  moment.for_each_motion_since("", since, moment.last_revision(), [&](const fs_motion& motion) { out.push_back(motion); });
+  sort_by_revision(out);
+  return out;
+}
+
 bool LocalScene::take_event(fs_event& out) {
   const std::lock_guard lock(mutex_);
   evaluated_.settle(true);

@@ -92,6 +92,7 @@ struct LocalScene final : Scene {
   fs_report report(const char* name) override;
   fs_report report(const char* name, bool with_group);
   std::vector<fs_motion> motions(const char* client) override;
+  std::vector<fs_motion> motions_since(const char* client, uint64_t since) override;
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note(fs_event event) noexcept;  // what the server tells its own scene, now; left out where there is no memory

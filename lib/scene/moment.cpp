@@ -1,9 +1,14 @@
 #include "scene/moment.h"
 
+#include <algorithm>
+
+#include "base/serial.h"
+
 namespace fs {
 
 Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
+  last_revision_ = last_serial();
   EvaluatedScene& evaluated = scene_->evaluated_;
   const Edits edits = scene_->edits();
   const OpenGroup* const group = with_group ? edits.group() : nullptr;
@@ -72,6 +77,11 @@ fs_motion Moment::to_motion(const Entry& entry, const std::string& prefix) noexc
   out.time = entry.motion.time;
   out.horizon = entry.motion.horizon;
   return out;
+}
+
+void sort_by_revision(std::vector<fs_motion>& motions) {
+  std::sort(motions.begin(), motions.end(),
+            [](const fs_motion& a, const fs_motion& b) { return a.motion_revision < b.motion_revision; });
 }
 
 // What a row gives where the tool was, in full.

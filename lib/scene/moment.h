@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "field/proxies.h"
 #include "scene/local_scene.h"
@@ -22,11 +23,23 @@ class Moment {
 
   size_t most() const noexcept { return most_; }  // objects
   const fs_frame& frame() const noexcept { return frame_; }
+  // All changes up to this motion_revision are in, and none above.
+  uint64_t last_revision() const noexcept { return last_revision_; }
 
   // Calls f(fs_motion) for each of them; prefix comes before its name.
   template <class F>
   void for_each_motion(const std::string& prefix, F&& f) const {
     for_each([&](const Entry& entry, uint32_t) { f(to_motion(entry, prefix)); });
+  }
+  // The same, without changes of a group, for those whose motion_revision is above `since` and at most `last`.
+  template <class F>
+  void for_each_motion_since(const std::string& prefix, uint64_t since, uint64_t last, F&& f) const {
+    for_each_since(since, last, [&](uint32_t row) { f(to_motion(entry(row), prefix)); });
+  }
+  size_t count_since(uint64_t since, uint64_t last) const {  // how many these are
+    size_t count = 0;
+    for_each_since(since, last, [&](uint32_t) { ++count; });
+    return count;
   }
   // Calls f(fs_report) for each.
   template <class F>
@@ -54,6 +67,16 @@ class Moment {
     for (const Entry& entry : added_) f(entry, no_row);
   }
 
+  template <class F>
+  void for_each_since(uint64_t since, uint64_t last, F&& f) const {
+    chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+      for_each_bit(chunk.used, [&](uint32_t i) {
+        const uint64_t revision = chunk.motion_revision(i);
+        if (revision > since && revision <= last && chunk.row(i).is_named) f(number * chunk_size + i);
+      });
+    });
+  }
+
   const Row& row(uint32_t number) const noexcept { return find_chunk(chunks_, number)->row(number % chunk_size); }
   Entry entry(uint32_t number) const;
   fs_report report(const Entry& entry, uint32_t row) const;
@@ -68,6 +91,7 @@ class Moment {
   bool is_only_one_ = false;  // it stands in added_, and is evaluated as
   uint32_t only_row_ = no_row;
   size_t most_ = 0;
+  uint64_t last_revision_;
 
   double time_;    // s, of the last tick; without a servo: now
   fs_frame frame_;
@@ -79,5 +103,8 @@ class Moment {
   TickSample tick_;
   ToolState tool_;                 // where the last tick had it
 };
+
+// So that those that are cut off, where a caller has no room for all, come the next time.
+void sort_by_revision(std::vector<fs_motion>& motions);
 
 }  // namespace fs

@@ -70,6 +70,8 @@ struct fs_scene : fs::Counted<fs_scene> {
   virtual std::vector<fs_report> reports() = 0;
   virtual fs_report report(const char* name) = 0;
   virtual std::vector<fs_motion> motions(const char* client) = 0;  // null: of all that it can see
+  // By motion_revision, those above `since`. null: connected, of all others; else its own.
+  virtual std::vector<fs_motion> motions_since(const char* client, uint64_t since) = 0;
   virtual fs_event next_event(double timeout) = 0;
 
   // The servo that runs this scene, and the others it runs. Null: not asked. Structs that grow: all but struct_size.

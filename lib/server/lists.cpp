@@ -103,13 +103,63 @@ class SceneList : public List {
   void release() override { parts.clear(); }
 };
 
-// A list of how the objects move.
-class MotionList final : public SceneList {
+// A list of how the objects move: of a client; "": of all but the asking one.
+class MotionList : public SceneList {
+ public:
+  void add_scenes(const Client& client, const std::string& whose);  // NOT_FOUND
+
+ private:
   void write() override {
     for (const Part& part : parts) {
       part.moment.for_each_motion(part.prefix, [&](const fs_motion& motion) { add_record(motion); });
     }
   }
+};
+
+// The moves that were made before the request are taken first, and the server's own scene is looked at first: it alone is changed
+// by other threads meanwhile.
+void MotionList::add_scenes(const Client& client, const std::string& whose) {
+  const std::shared_ptr<Client> only = whose.empty() ? nullptr : find_client(client, whose);
+  const Clients& clients = client.host.clients();
+  const auto is_wanted = [&](const Client& other) { return whose.empty() ? &other != &client : &other == only.get(); };
+  clients.for_each([&](const std::shared_ptr<Client>& other) {
+    if (is_wanted(*other)) other->take_moves();
+  });
+  if (!only) parts.emplace_back("server/", client.host.servo().scene());
+  clients.for_each([&](const std::shared_ptr<Client>& other) {
+    if (is_wanted(*other)) parts.emplace_back(other->name + "/", other->scene);
+  });
+}
+
+// Of the same objects those that have a motion_revision above `since`. The scenes are looked at one after the other. What has
+// changed after the first was is left out, and comes the next time: else its number, which is asked with then, could be above
+// that of a change that this list does not have.
+class RecentMotionList final : public MotionList {
+ public:
+  explicit RecentMotionList(uint64_t since) : since_(since) {}
+
+  // They are counted, so that the few that most looks find need no worker, who may be building a mesh.
+  size_t most() const override {
+    constexpr size_t counted = 65536;  // in 50 us
+    const size_t all = SceneList::most();
+    if (all > counted) return all;
+    size_t sum = 0;
+    for (const Part& part : parts) sum += part.moment.count_since(since_, last());
+    return sum;
+  }
+
+ private:
+  uint64_t last() const noexcept {
+    uint64_t out = UINT64_MAX;
+    for (const Part& part : parts) out = std::min(out, part.moment.last_revision());
+    return out;
+  }
+  void write() override {
+    for (const Part& part : parts) {
+      part.moment.for_each_motion_since(part.prefix, since_, last(), [&](const fs_motion& motion) { add_record(motion); });
+    }
+  }
+  const uint64_t since_;
 };
 
 // A list of what became of all objects.
@@ -149,15 +199,14 @@ class RecordList final : public List {
 }  // namespace
 
 void answer_motions(Client& client, uint64_t serial, const std::string& whose) {
-  const std::shared_ptr<Client> only = whose.empty() ? nullptr : find_client(client, whose);
   const auto list = std::make_shared<MotionList>();
-  if (!only) list->parts.emplace_back("server/", client.host.servo().scene());
-  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
-    const bool is_wanted = whose.empty() ? other.get() != &client : other == only;
-    if (!is_wanted) return;
-    other->take_moves();  // those that it made before this request
-    list->parts.emplace_back(other->name + "/", other->scene);
-  });
+  list->add_scenes(client, whose);
+  answer(client, serial, list);
+}
+
+void answer_motions_since(Client& client, uint64_t serial, const wire::Since& since) {
+  const auto list = std::make_shared<RecentMotionList>(since.revision);
+  list->add_scenes(client, text_of(since.client.name));
   answer(client, serial, list);
 }
 

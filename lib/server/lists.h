@@ -46,6 +46,7 @@ class List {
 // The scenes are taken at one instant, between two messages, so no half of a group is seen.
 void answer_reports(Client& client, uint64_t serial);                            // its own objects first
 void answer_motions(Client& client, uint64_t serial, const std::string& whose);  // of a client; "": of all others. NOT_FOUND
+void answer_motions_since(Client& client, uint64_t serial, const wire::Since& since);
 void answer_clients(Client& client, uint64_t serial);                            // IO, FULL
 void answer_views(Client& client, uint64_t serial);                              // of all clients, in that order. IO, FULL
 

@@ -33,6 +33,7 @@ void Requests::add_to(Claim& claim, const Change& request) {
   switch (request.type) {
     case type_reports:
     case type_motions:
+    case type_motions_since:
     case type_clients:
     case type_views: claim.is_about_all = true; break;
     case type_get:
@@ -79,6 +80,7 @@ void Requests::answer(const Request& request) {
     case type_views: return answer_views(client_, request.serial);
     case type_view: return view(request);
     case type_motions: return answer_motions(client_, request.serial, text_of(request.as<Target>().name));
+    case type_motions_since: return answer_motions_since(client_, request.serial, request.as<Since>());
     case type_stats: {
       fs_servo_stats stats = fs_servo_stats_init();
       host.servo().get_stats(stats);

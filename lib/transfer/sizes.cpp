@@ -81,6 +81,7 @@ std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noex
     case type_report:
     case type_view:
     case type_motions: return sizeof(Target);
+    case type_motions_since: return sizeof(Since);
     case type_fetch: return sizeof(Fetch);
     case type_record: return sizeof(After);
     default: return {};

@@ -21,7 +21,7 @@ namespace fs::wire {
 // ---------------------------------------------------------------------------------------- connecting: never changes
 
 inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
-inline constexpr uint32_t version = 3;
+inline constexpr uint32_t version = 4;
 
 // The sizes of the records that an end knows, in bytes, of those that grow. A later version appends more.
 struct Sizes {
@@ -103,6 +103,7 @@ enum Type : uint32_t {
   type_views,        // nothing. Reply, Count, and a descriptor: fs_client_view, as many
   type_record,       // After. Reply, Count, and a descriptor: fs_recorded_tick, as many, at most most_ticks of the oldest
   type_resume_force, // nothing. Reply
+  type_motions_since, // Since. Reply, Count, and a descriptor: fs_motion, as many, in any order
 
   type_reply = 200   // Reply and what it says above
 };
@@ -221,6 +222,11 @@ struct Target {
   char name[FS_NAME_SIZE];       // "object", "client/object", or a client
 };
 
+struct Since {
+  Target client;                 // as in a request for motions
+  uint64_t revision;             // the motions are those above it
+};
+
 struct Fetch {
   uint64_t id;                   // the server's number, of the last Object or PullAnswer that it sent
 };
@@ -279,7 +285,7 @@ static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8
 static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(ToolRadius) == 8 && sizeof(Shape) == 32 &&
               sizeof(Curve) == 280);
 static_assert(sizeof(Surface) == 272 && sizeof(fs_surface_settings) <= sizeof(Surface::settings));
-static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
+static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Since) == 136 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
 static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1024);
 

@@ -286,6 +286,9 @@ static const std::vector<Call> calls{
     {"fs_scene_get_motions", 3, FS_OK, [](World& w, int n) {  // client null: of all
        return fs_scene_get_motions(but(n, 0, w.scene), nullptr, but(n, 1, &w.motion), 1, but(n, 2, &w.count));
      }},
+    {"fs_scene_get_motions_since", 3, FS_OK, [](World& w, int n) {  // client null: all
+       return fs_scene_get_motions_since(but(n, 0, w.scene), nullptr, 0, but(n, 1, &w.motion), 1, but(n, 2, &w.count));
+     }},
     {"fs_scene_next_event", 2, FS_OK, [](World& w, int n) {
        return fs_scene_next_event(but(n, 0, w.scene), 0, but(n, 1, &w.event));
      }},
@@ -527,6 +530,7 @@ START_TEST(pointers_that_may_be_null) {
   OK(fs_scene_get_hand(w.scene, nullptr, nullptr, &w.wrench));
   OK(fs_scene_get_reports(w.scene, nullptr, 0, &w.count));
   OK(fs_scene_get_motions(w.scene, nullptr, nullptr, 0, &w.count));
+  OK(fs_scene_get_motions_since(w.scene, nullptr, 0, nullptr, 0, &w.count));
   OK(fs_device_list(nullptr, 0, &w.count));
   OK(fs_servo_get_record(w.servo, nullptr, 0, &w.count));
   OK(fs_scene_get_tool(w.scene, nullptr, 0, &w.count));

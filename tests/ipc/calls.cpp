@@ -60,6 +60,8 @@ std::vector<Call> all_calls(const std::string& path) {
       {"fs_scene_get_reports", [](fs_scene* s) { size_t n; return fs_scene_get_reports(s, nullptr, 0, &n); }},
       {"fs_scene_get_motions", [](fs_scene* s) { size_t n; return fs_scene_get_motions(s, nullptr, nullptr, 0, &n); }},
       {"fs_scene_get_motions", [](fs_scene* s) { size_t n; return fs_scene_get_motions(s, "other", nullptr, 0, &n); }},
+      {"fs_scene_get_motions_since", [](fs_scene* s) { size_t n; return fs_scene_get_motions_since(s, nullptr, 0, nullptr, 0, &n); }},
+      {"fs_scene_get_motions_since", [](fs_scene* s) { size_t n; return fs_scene_get_motions_since(s, "other", 0, nullptr, 0, &n); }},
       {"fs_scene_get_view", [](fs_scene* s) { fs_view v; return fs_scene_get_view(s, "other", &v); }},
       {"fs_scene_get_report", [](fs_scene* s) { fs_report r; return fs_scene_get_report(s, "mine", &r); }},
       {"fs_scene_get_report", [](fs_scene* s) { fs_report r; return fs_scene_get_report(s, "other/theirs", &r); }},

@@ -23,6 +23,7 @@ static const std::vector<Known> known_types = {
     {type_clients, 0},             {type_views, 0},               {type_record, sizeof(After)},
     {type_view, sizeof(Target)},   {type_stats, 0},
     {type_stop_force, 0},          {type_resume_force, 0},        {type_device, 0},              {type_motions, sizeof(Target)},
+    {type_motions_since, sizeof(Since)},
     {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)},
     {type_tool_radius, sizeof(ToolRadius)}};
 
@@ -599,7 +600,7 @@ END_TEST
 // A client that sends requests all the time, and never reads the answers.
 START_TEST(never_reads) {
   Rig rig;
-  for (const uint32_t type : {type_pull, type_stats, type_reports, type_views, type_motions, type_record, type_sync, type_get}) {
+  for (const uint32_t type : {type_pull, type_stats, type_reports, type_views, type_motions, type_motions_since, type_record, type_sync, type_get}) {
     RawClient client = rig.join("deaf");
     for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
       client.send(type, body(*fs::record_size(type, fs::own_sizes())));

@@ -238,7 +238,12 @@ class Actor {
       case 10: client_->send(random_.coin() ? type_clients : type_views); break;
       case 11: client_->send(type_view, target()); break;
       case 12: client_->send(type_stats); break;
-      case 13: client_->send(type_motions, random_.coin() ? Target{} : target()); break;
+      case 13: {
+        const Target whose = random_.coin() ? Target{} : target();
+        if (random_.coin()) client_->send(type_motions, whose);
+        else client_->send(type_motions_since, Since{whose, random_.coin() ? 0 : random_.bits()});
+        break;
+      }
       case 14: client_->send(type_record, After{random_.coin() ? 0 : random_.bits()}); break;
       default: client_->send(type_device);
     }

@@ -51,6 +51,7 @@ inline std::string wire_layout() {
   RECORD(wire::Curve, id, count, step, expression);
   RECORD(Forget, id);
   RECORD(Target, name);
+  RECORD(Since, client, revision);
   RECORD(Fetch, id);
   RECORD(After, number);
   RECORD(Count, count, stride);
@@ -61,7 +62,7 @@ inline std::string wire_layout() {
   RECORD(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   RECORD(ServoOutput, time, tick, used, hand);
   RECORD(InboxHead, batch, has_left, summary);
-  text += "types " + std::to_string(type_tool_radius) + ' ' + std::to_string(type_resume_force) + ' ' +
+  text += "types " + std::to_string(type_tool_radius) + ' ' + std::to_string(type_motions_since) + ' ' +
           std::to_string(type_reply) + " inbox " + std::to_string(Inbox::bytes(64)) + '\n';
 #undef RECORD
 #undef PICK

@@ -21,6 +21,7 @@ public final class Player implements AutoCloseable {
   private final Device device;
   private final Map<String, Scene> others = new LinkedHashMap<>();  // connected: the server's own, and that of another client
   private Scene scene;
+  private long since;
   private Servo servo;
   private Server server;
   private final Map<String, Shape> shapes = new HashMap<>();
@@ -378,6 +379,13 @@ public final class Player implements AutoCloseable {
           give(m.twist());
           give(m.horizon());
           give(ForceServer.at(m, m.time() + 0.03));
+        }
+      }
+      case "motions_since" -> {
+        for (Motion m : scene.motionsSince(client, since)) {
+          give(m.name());
+          give(m.pose());
+          since = m.motionRevision();
         }
       }
       case "reports" -> scene.reports().stream().sorted(Comparator.comparing(Report::name)).forEach(this::give);

@@ -344,6 +344,14 @@ class Player {
         check(fs_motion_at(&m, m.time + 0.03, &soon));
         give(m.name), give(m.primitive), give(m.pose), give(m.twist), give(m.horizon), give(soon);
       }
+    } else if (verb == "motions_since") {
+      std::vector<fs_motion> motions(100);
+      size_t count = 0;
+      check(fs_scene_get_motions_since(scene_, client, since_, motions.data(), motions.size(), &count));
+      for (size_t i = 0; i < count; ++i) {
+        give(motions[i].name), give(motions[i].pose);
+        since_ = motions[i].motion_revision;
+      }
     } else if (verb == "reports") {
       std::vector<fs_report> reports(100);
       size_t count = 0;
@@ -509,6 +517,7 @@ class Player {
   const std::string folder_;
   const std::vector<fs_vec3> places_;
   fs_scene *base_ = nullptr, *scene_ = nullptr;  // of the servo; that the steps are about
+  uint64_t since_ = 0;
   fs_scene* other_ = nullptr;                    // connected: of another client
   fs_device* device_ = nullptr;
   fs_servo_options options_ = fs_servo_options_init();

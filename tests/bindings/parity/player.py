@@ -21,6 +21,7 @@ class Player:
         self.places = scenario["places"]
         self.shapes, self.curves, self.surfaces, self.given = {}, {}, {}, []
         self.scene, self.servo = stack.enter_context(fs.Scene()), None
+        self.since = 0
         self.scenes = {}  # connected: the server's own, and that of another client
         self.device = stack.enter_context(fs.Device(scenario["device"]))
         if connected:
@@ -209,6 +210,11 @@ class Player:
                 moves[part] = m[part]
             (soon,) = fs.motion_at(moves, m["time"] + 0.03)
             self.give(soon["position"], soon["orientation"])
+
+    def do_motions_since(self, client=None):
+        for m in self.scene.get_motions_since(client, self.since):
+            self.give(m["name"], m["pose"]["position"], m["pose"]["orientation"])
+            self.since = int(m["motion_revision"])
 
     def give_report(self, r):
         self.give(r.name, r.primitive, r.state, r.weight, r.stiffness_wanted)

@@ -290,6 +290,10 @@ def test_lists_and_kept_arrays(scene, spring):
     assert (reports[0].wrench.force == 0).all() and reports[0].state == fs.ObjectState.FELT
     scene["Übung"] = spring
     assert scene.get_motions()[-1].name == "Übung" and np.allclose(scene.get_motions()["pose"]["position"], 0)
+    since = scene.get_motions_since(None, 0)["motion_revision"]
+    assert len(since) == 101 and (np.diff(since.astype(np.int64)) > 0).all()
+    scene["s7"].move([0, 0, 0])
+    assert scene.get_motions_since(None, since[-1])["name"].tolist() == ["s7"]
     assert len(scene.get_motions()) == 101 and scene.get_tool().tolist() == [[0, 0, 0]]
     assert "sim:" in fs.devices()["uri"]
     shape = fs.Polyline([[0, 0, 0], [1, 0, 0]]).shape

@@ -331,6 +331,16 @@ public final class Scene extends Handle {
         (scene, out, capacity, count) -> Native.fs_scene_get_motions(scene, client, out, capacity, count), Motion::new);
   }
 
+  /**
+   * How those objects move that have changed since, in the order of motionRevision: of a client, or with null of all others.
+   * since: the largest motionRevision of the last such list, or 0.
+   */
+  public List<Motion> motionsSince(String client, long since) {
+    return list(Motion.SIZE, 64,
+        (scene, out, capacity, count) -> Native.fs_scene_get_motions_since(scene, client, since, out, capacity, count),
+        Motion::new);
+  }
+
   /** The clients of the server of a connected scene; the server's own scene is the first. */
   public List<Client> clients() {
     return list(Client.SIZE, 32, Native::fs_scene_get_clients, Client::new);

@@ -96,6 +96,9 @@ class ServoTest {
       assertEquals(0.5, second.get("path").front().gain());
       assertEquals(3, second.motions().size());
       assertEquals(1, second.motions("first").size());
+      assertEquals(1, second.motionsSince("first", 0).size());
+      long newest = second.motionsSince(null, 0).get(1).motionRevision();
+      assertEquals(0, second.motionsSince(null, newest).size());
       assertEquals(scene.frame(), second.frame("server"));
       assertFalse(second.view("first").held());
       Support.refused(Status.ERROR_EXISTS, "first", () -> Scene.connect(endpoint, "first"));
