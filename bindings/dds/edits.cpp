@@ -1,0 +1,208 @@
+#include "edits.h"
+
+#include <cstdio>
+#include <cstring>
+
+namespace bridge {
+namespace {
+
+constexpr double patience = 3;  // s: for an answer, and for the contents of an edit
+
+bool is_same(const forceserver_Profile& a, const forceserver_Profile& b) {
+  return a.kind == b.kind && a.sense == b.sense && a.gain == b.gain && a.shift == b.shift && a.width == b.width &&
+         a.limit == b.limit && a.reach == b.reach && text_of(a.curve) == text_of(b.curve);
+}
+template <class T>
+bool is_same(const T& a, const T& b) {  // of numbers without gaps
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
+// The parts (fs_part) in which two objects differ. Times differ with every move, so they do not count.
+uint32_t differing(const forceserver_Object& a, const forceserver_Object& b) {
+  uint32_t out = 0;
+  if (!is_same(a.place, b.place) || !is_same(a.motion, b.motion)) out |= FS_PART_POSE;
+  if (!is_same(a.front, b.front) || !is_same(a.back, b.back) || a.damping != b.damping) out |= FS_PART_PROFILES;
+  const forceserver_Contact &c = a.solid, &d = b.solid;
+  const bool is_contact_same = c.keep == d.keep && c.stiffness == d.stiffness && c.limit == d.limit && c.damping == d.damping &&
+                               c.friction == d.friction && text_of(a.finish) == text_of(b.finish);
+  if (!is_contact_same) out |= FS_PART_CONTACT;
+  if (a.primitive != b.primitive || text_of(a.form) != text_of(b.form)) out |= FS_PART_SHAPE;
+  if (a.tool_points != b.tool_points || a.enabled != b.enabled) out |= FS_PART_OTHER;
+  return out;
+}
+
+}  // namespace
+
+void Edits::ask(double now) {
+  incoming_.take_edits([&](const Incoming::LocalEdit& edit) { ask(edit, now); });
+  for (; !to_ask_.empty(); to_ask_.pop_front()) {
+    if (!room_.edits.writer.write(to_ask_.front())) break;
+  }
+  for (; !to_answer_.empty(); to_answer_.pop_front()) {
+    if (!room_.answers.writer.write(to_answer_.front())) break;
+  }
+  for (auto it = asked_.begin(); it != asked_.end();) {
+    if (now - it->second.since < patience) {
+      ++it;
+      continue;
+    }
+    undo(it->second, "its site does not answer", now);
+    it = asked_.erase(it);
+  }
+}
+
+void Edits::ask(const Incoming::LocalEdit& edit, double now) {
+  RemoteObject& object = edit.client.objects.at(edit.object);
+  forceserver_Edit sample{};
+  Asked asked{edit.site.name, text_of(object.sample.client), edit.object, {}, now};
+  put_text(sample.site, asked.site);
+  put_text(sample.client, asked.client);
+  put_text(sample.name, edit.object);
+  put_text(sample.from, site_);
+  put_text(sample.editor, edit.editor);
+  sample.number = ++number_;
+  try {
+    const forceserver::Object now_there = edit.client.scene.object_get(edit.object);
+    const ContentsOfObject contents = ContentsOfObject::of(now_there);
+    put_object(sample.wanted, now_there);
+    contents.put_keys(sample.wanted);
+    forceserver_Object before{};
+    put_object(before, incoming_.to_local(edit.site, object, edit.object));
+    object.contents.put_keys(before);
+    sample.parts = differing(sample.wanted, before);
+    if (sample.parts == 0) return;
+    sample.wanted.time = edit.site.clock.to_theirs(sample.wanted.time);
+    sample.wanted.start = edit.site.clock.to_theirs(sample.wanted.start);
+    const auto& motion = sample.wanted.motion;
+    const bool stands = is_same(motion, forceserver_Twist{});
+    sample.wanted.horizon = stands ? 0 : 0.1;
+    for (const ContentRef& content : {contents.shape, contents.surface, contents.front, contents.back}) {
+      if (!content) continue;
+      writer_.use(content);
+      asked.contents.push_back(content->key);
+    }
+  } catch (const forceserver::Error& error) {
+    if (error.status() != FS_ERROR_NOT_FOUND) return;
+    sample.removes = true;
+    object.is_set = false;
+  }
+  to_ask_.push_back(sample);
+  asked_.emplace(sample.number, std::move(asked));
+}
+
+void Edits::undo(const Asked& asked, const std::string& why, double now) {
+  std::fprintf(stderr, "forceserver-bridge: the edit of %s/%s at site %s was not made: %s\n", asked.client.c_str(),
+               asked.object.c_str(), asked.site.c_str(), why.c_str());
+  for (const std::string& key : asked.contents) writer_.unuse(key, now);
+  RemoteSite* const site = incoming_.find(asked.site);
+  if (!site) return;
+  const auto client = site->clients.find(asked.client);
+  if (client != site->clients.end()) incoming_.set_again(*site, client->second, asked.object);
+}
+
+void Edits::take_answer(const forceserver_Answer& answer, double now) {
+  const auto found = asked_.find(answer.number);
+  if (found == asked_.end()) return;
+  if (answer.status < 0) {
+    undo(found->second, text_of(answer.text), now);
+  } else {
+    for (const std::string& key : found->second.contents) writer_.unuse(key, now);
+  }
+  asked_.erase(found);
+}
+
+void Edits::take(const forceserver::Scene& scene, double now) {
+  room_.edits.reader.take([&](const forceserver_Edit& sample, const dds_sample_info_t& info) {
+    if (info.valid_data && text_of(sample.site) == site_) waiting_.push_back({sample, now});
+  });
+  for (size_t left = waiting_.size(); left > 0; --left) {
+    const Waiting next = waiting_.front();
+    waiting_.pop_front();
+    if (try_edit(scene, next.sample, now)) continue;
+    if (now - next.since > patience) {
+      answer(next.sample, FS_ERROR_TIMEOUT, "the shape, curve or surface of the edit has not come");
+    } else {
+      waiting_.push_back(next);
+    }
+  }
+}
+
+bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit, double now) {
+  const std::string client = text_of(edit.client), name = client + "/" + text_of(edit.name), from = text_of(edit.from);
+  if (client.find('@') != std::string::npos) {
+    answer(edit, FS_ERROR_NOT_FOUND, "the object belongs to another site");
+    return true;
+  }
+  // The owner is told who it was: the editor's own connection, where it has one.
+  RemoteSite* const site = incoming_.find(from);
+  const forceserver::Scene* scene = &own;
+  if (site) {
+    const auto editor = site->clients.find(text_of(edit.editor));
+    if (editor != site->clients.end() && editor->second.scene) scene = &editor->second.scene;
+  }
+  try {
+    if (edit.removes) {
+      scene->object_remove(name);
+    } else {
+      forceserver::Object object = scene->object_get(name);
+      const fs_object wanted = to_c(edit.wanted, "");
+      bool is_whole = true;
+      const auto get = [&](const auto& key) -> ContentRef {
+        ContentRef content = *key ? contents_.find(text_of(key), now) : nullptr;
+        if (*key && !content) is_whole = false;
+        return content;
+      };
+      // What of the object the edit does not change keeps its handles.
+      fs_object change = object;
+      ContentsOfObject contents;
+      if (edit.parts & FS_PART_SHAPE) {
+        contents.shape = get(edit.wanted.form);
+        change.primitive = wanted.primitive;
+        change.shape = contents.shape ? contents.shape->shape.get() : nullptr;
+      }
+      if (edit.parts & FS_PART_CONTACT) {
+        contents.surface = get(edit.wanted.finish);
+        change.contact = wanted.contact;
+        change.surface = contents.surface ? contents.surface->surface.get() : nullptr;
+      }
+      if (edit.parts & FS_PART_PROFILES) {
+        contents.front = get(edit.wanted.front.curve);
+        contents.back = get(edit.wanted.back.curve);
+        change.front = wanted.front;
+        change.back = wanted.back;
+        change.damping = wanted.damping;
+        change.front.curve = contents.front ? contents.front->curve.get() : nullptr;
+        change.back.curve = contents.back ? contents.back->curve.get() : nullptr;
+      }
+      if (edit.parts & FS_PART_OTHER) {
+        change.tool_points = wanted.tool_points;
+        change.enabled = wanted.enabled;
+      }
+      if (edit.parts & FS_PART_POSE) {
+        change.pose = wanted.pose;
+        change.twist = wanted.twist;
+        change.time = edit.wanted.horizon > 0 && site ? site->clock.to_ours(wanted.time) : FS_NOW;
+      }
+      if (!is_whole) return false;
+      scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));
+    }
+    std::printf("%s was %s by %s at site %s\n", name.c_str(), edit.removes ? "removed" : "edited", edit.editor, from.c_str());
+    std::fflush(stdout);
+    answer(edit, FS_OK, "");
+  } catch (const forceserver::Error& error) {
+    answer(edit, error.status(), error.what());
+  }
+  return true;
+}
+
+void Edits::answer(const forceserver_Edit& edit, fs_status status, const std::string& text) {
+  forceserver_Answer out{};
+  put_text(out.site, text_of(edit.from));
+  put_text(out.from, site_);
+  out.number = edit.number;
+  out.status = status;
+  put_text(out.text, text);
+  to_answer_.push_back(out);
+}
+
+}  // namespace bridge

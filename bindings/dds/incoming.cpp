@@ -1,0 +1,388 @@
+#include "incoming.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace bridge {
+namespace {
+
+constexpr double together = 0.05;   // s: so long the objects of a change wait for each other
+constexpr double settling = 0.3;    // s: a new site's objects are set when its motions have come, too
+constexpr double retry = 1;         // s
+constexpr double kept_empty = 5;    // s: so long the connection of a client without objects is kept
+constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 256;
+
+fs_twist twist_of(const forceserver_Moved& moved) {
+  const float* const t = moved.twist;
+  if (!(moved.horizon > 0)) return {};
+  return {{t[0], t[1], t[2]}, {t[3], t[4], t[5]}};
+}
+
+}  // namespace
+
+RemoteSite& Incoming::site(const std::string& name, double now) {
+  const auto [found, is_new] = sites_.try_emplace(name);
+  if (is_new) {
+    found->second.name = name;
+    found->second.first_seen = now;
+  }
+  return found->second;
+}
+
+RemoteSite* Incoming::find(const std::string& name) {
+  const auto found = sites_.find(name);
+  return found == sites_.end() ? nullptr : &found->second;
+}
+
+void Incoming::take(double now) {
+  take_status(now);
+  take_clients(now);
+  take_objects(now);
+  take_motions(now);
+  contents_.take(now);
+}
+
+void Incoming::take_status(double now) {
+  room_.status.reader.take([&](const forceserver_Status& sample, const dds_sample_info_t& info) {
+    const std::string name = text_of(sample.site);
+    if (name == settings_.site) twin_ = info.instance_state == DDS_ALIVE_INSTANCE_STATE && info.valid_data ? sample.session : 0;
+    if (!is_site_name(name) || name == settings_.site || (!sites_.count(name) && sites_.size() >= most_sites)) return;
+    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE) {
+      if (RemoteSite* const lost = find(name)) {
+        lose(*lost, info.instance_state == DDS_NOT_ALIVE_DISPOSED_INSTANCE_STATE ? "has left" : "was lost");
+      }
+      return;
+    }
+    if (!info.valid_data) return;
+    RemoteSite& here = site(name, now);
+    if (!here.is_known) {
+      std::printf("site %s is here%s%s%s\n", name.c_str(), *sample.device ? " with " : "", text_of(sample.device).c_str(),
+                  sample.has_server ? "" : ", without a server");
+      std::fflush(stdout);
+    }
+    const bool has_other_device = here.is_known && here.status.workspace_radius != sample.workspace_radius;
+    here.is_known = true;
+    here.status = sample;
+    here.status.held = {};
+    here.status.wanted = {};
+    here.status_time = now;
+    here.held = {};
+    for (uint32_t i = 0; i < sample.held._length; ++i) {
+      if (text_of(sample.held._buffer[i].site) == settings_.site) here.held = sample.held._buffer[i];
+    }
+    for (uint32_t i = 0; i < sample.wanted._length; ++i) here.wanted.push_back(text_of(sample.wanted._buffer[i]));
+    if (has_other_device) {
+      for (auto& [client_name, client] : here.clients) client.is_view_due = true;
+    }
+  });
+}
+
+void Incoming::lose(RemoteSite& site, const char* how) {
+  std::printf("site %s %s: its objects fade\n", site.name.c_str(), how);
+  std::fflush(stdout);
+  sites_.erase(site.name);  // its connections end with it
+}
+
+void Incoming::take_clients(double now) {
+  room_.clients.reader.take([&](const forceserver_ClientView& sample, const dds_sample_info_t& info) {
+    const std::string name = text_of(sample.site);
+    if (!info.valid_data || info.instance_state != DDS_ALIVE_INSTANCE_STATE || !is_site_name(name) || name == settings_.site) return;
+    RemoteSite& here = site(name, now);
+    if (here.clients.size() >= most_clients) return;
+    RemoteClient& client = here.clients[text_of(sample.client)];
+    client.view = sample;
+    client.view->tool = {};
+    client.tool.clear();
+    for (uint32_t i = 0; i < sample.tool._length; ++i) client.tool.push_back(to_c(sample.tool._buffer[i]));
+    client.is_view_due = true;
+  });
+}
+
+void Incoming::take_objects(double now) {
+  room_.objects.reader.take([&](const forceserver_Object& sample, const dds_sample_info_t& info) {
+    const bool is_gone = info.instance_state != DDS_ALIVE_INSTANCE_STATE;
+    const std::string name = text_of(sample.site);
+    if (!is_site_name(name) || name == settings_.site || !(info.valid_data || is_gone)) return;
+    if (is_gone && !sites_.count(name)) return;
+    if (!sites_.count(name) && sites_.size() >= most_sites) return;
+    if (info.valid_data) return take_object(sample, is_gone, now);
+    forceserver_Object key = sample;  // only the keys are there
+    key.change_size = 1;
+    key.revision = ~uint64_t{0};
+    take_object(key, true, now);
+  });
+}
+
+void Incoming::take_object(const forceserver_Object& sample, bool is_gone, double now) {
+  RemoteSite& here = site(text_of(sample.site), now);
+  const std::string client_name = text_of(sample.client), name = text_of(sample.name);
+  if (!here.clients.count(client_name) && (is_gone || here.clients.size() >= most_clients)) return;
+  RemoteClient& client = here.clients[client_name];
+  if (!client.objects.count(name) && (is_gone || here.objects >= most_objects)) return;
+  RemoteObject& object = client.objects[name];
+  if (object.object_revision && !is_gone && sample.session == object.sample.session && sample.revision <= object.object_revision) {
+    return;  // an older one, or the same again
+  }
+  if (object.object_revision) {
+    here.digest -= digest_of(client_name, name, object.object_revision);
+    --here.objects;
+  }
+  object.is_gone = is_gone;
+  if (is_gone) {
+    object.object_revision = 0;
+  } else {
+    const bool is_place_older = sample.session == object.sample.session && sample.revision < object.motion_revision;
+    const forceserver_Moved newest = to_moved(object.sample);
+    object.sample = sample;
+    if (is_place_older) put_moved(object.sample, newest);
+    object.object_revision = sample.revision;
+    object.motion_revision = is_place_older ? object.motion_revision : sample.revision;
+    here.digest += digest_of(client_name, name, sample.revision);
+    ++here.objects;
+  }
+  RemoteSite::Change& change = here.changes[is_gone && sample.revision == ~uint64_t{0} ? 0 : sample.change];
+  if (change.objects.empty()) change.since = now;
+  change.size = sample.change_size;
+  change.objects.emplace(client_name, name);
+}
+
+void Incoming::take_motions(double now) {
+  room_.motions.reader.take([&](const forceserver_Motions& sample, const dds_sample_info_t& info) {
+    RemoteSite* const here = info.valid_data ? find(text_of(sample.site)) : nullptr;
+    if (!here || !std::isfinite(sample.sent)) return;
+    here->clock.note_arrival(sample.sent, now);
+    move(*here, sample);
+  });
+}
+
+// All moves of a sample that belong to one client are felt from one tick on.
+void Incoming::move(RemoteSite& site, const forceserver_Motions& sample) {
+  std::map<RemoteClient*, std::vector<const forceserver_Moved*>> by_client;
+  for (uint32_t i = 0; i < sample.moves._length; ++i) {
+    const forceserver_Moved& moved = sample.moves._buffer[i];
+    const auto client = site.clients.find(text_of(moved.client));
+    if (client == site.clients.end()) continue;
+    const auto object = client->second.objects.find(text_of(moved.name));
+    if (object == client->second.objects.end() || object->second.is_gone) continue;
+    if (sample.session != object->second.sample.session || moved.revision <= object->second.motion_revision) continue;
+    object->second.motion_revision = moved.revision;
+    put_moved(object->second.sample, moved);
+    if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
+  }
+  for (const auto& [client, moves] : by_client) {
+    try {
+      forceserver::Group group(client->scene);
+      for (const forceserver_Moved* moved : moves) {
+        const fs_pose pose = to_c(moved->place);
+        const fs_twist twist = twist_of(*moved);
+        const fs_status status =
+            fs_object_move(client->scene.get(), text_of(moved->name).c_str(), &pose, &twist, site.clock.to_ours(moved->time));
+        if (status == FS_ERROR_DISCONNECTED) has_lost_server_ = true;
+      }
+      group.commit();
+    } catch (const forceserver::Error& error) {
+      if (error.status() == FS_ERROR_DISCONNECTED) has_lost_server_ = true;
+    }
+  }
+}
+
+void Incoming::apply(double now) {
+  const bool has_news = news_ != contents_.news();
+  news_ = contents_.news();
+  for (auto& [name, site] : sites_) {
+    collect(site, now);
+    const bool is_settled = now - site.first_seen >= settling && (site.clock.is_known() || now - site.first_seen >= 3 * settling);
+    if (!is_settled) continue;
+    for (auto it = site.clients.begin(); it != site.clients.end();) {
+      RemoteClient& client = it->second;
+      if (client.name.empty()) client.name = name_at_site(it->first, name);
+      if (has_news) {
+        for (auto& [object_name, object] : client.objects) {
+          if (!object.is_set && !object.is_gone) client.due.insert(object_name);
+        }
+      }
+      apply(site, client, now);
+      if (!client.objects.empty()) client.empty_since = now;
+      if (client.objects.empty() && now - client.empty_since > kept_empty) client.scene = {};
+      const bool is_over = client.objects.empty() && !client.scene && !client.view;
+      it = is_over ? site.clients.erase(it) : std::next(it);
+    }
+  }
+}
+
+// Objects that belong to a change that is complete, or old, are due.
+void Incoming::collect(RemoteSite& site, double now) {
+  std::erase_if(site.changes, [&](const auto& entry) {
+    const RemoteSite::Change& change = entry.second;
+    if (change.objects.size() < change.size && now - change.since < together) return false;
+    for (const auto& [client, name] : change.objects) {
+      const auto found = site.clients.find(client);
+      if (found != site.clients.end()) found->second.due.insert(name);
+    }
+    return true;
+  });
+}
+
+bool Incoming::connect(RemoteClient& client, double now) {
+  if (client.scene) return true;
+  if (now < client.next_try) return false;
+  client.next_try = now + retry;
+  try {
+    client.scene = forceserver::Scene::connect(settings_.endpoint, client.name);
+    client.is_view_due = client.view.has_value();
+    client.is_refused = false;
+    return true;
+  } catch (const forceserver::Error& error) {
+    if (!client.is_refused) std::fprintf(stderr, "forceserver-bridge: client %s: %s\n", client.name.c_str(), error.what());
+    client.is_refused = true;
+    if (error.status() == FS_ERROR_NOT_FOUND) has_lost_server_ = true;
+    return false;
+  }
+}
+
+void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
+  if (client.due.empty() && !(client.is_view_due && client.scene)) return;
+  const bool has_any = std::any_of(client.objects.begin(), client.objects.end(), [](const auto& o) { return !o.second.is_gone; });
+  if (!client.scene && !has_any) {
+    for (const std::string& name : client.due) client.objects.erase(name);
+    client.due.clear();
+    return;
+  }
+  if (!connect(client, now)) return;
+  const std::set<std::string> due = std::exchange(client.due, {});
+  try {
+    forceserver::Group group(client.scene);
+    if (std::exchange(client.is_view_due, false)) apply_view(site, client);
+    for (const std::string& name : due) apply_object(site, client, name, now);
+    group.commit();
+  } catch (const forceserver::Error& error) {
+    if (error.status() == FS_ERROR_DISCONNECTED) {
+      has_lost_server_ = true;
+      return;
+    }
+    std::fprintf(stderr, "forceserver-bridge: changes of %s: %s\n", client.name.c_str(), error.what());
+    for (const std::string& name : due) client.due.insert(name);
+    client.is_view_due = client.view.has_value();
+  }
+}
+
+// The frame of another site's client leads to that site's device, and on to ours.
+fs_frame Incoming::frame_at(const RemoteSite& site, const forceserver_ClientView& view) const {
+  fs_frame out = frame_of(view);
+  const auto given = settings_.frames.find(site.name);
+  fs_frame between = fs_frame_init();
+  if (given != settings_.frames.end()) {
+    between = given->second;
+  } else if (site.is_known && site.status.workspace_radius > 0 && device_.workspace_radius > 0) {
+    between.scale = site.status.workspace_radius / device_.workspace_radius;
+  }
+  // x_ours = between.pose * ((frame.pose * (x_scene / scale)) / between.scale)
+  const fs_pose there = out.pose;
+  forceserver::throw_on_error(fs_frame_to_device(&between, &there, &out.pose));
+  out.scale *= between.scale;
+  return out;
+}
+
+void Incoming::apply_view(RemoteSite& site, RemoteClient& client) {
+  fs_scene* const scene = client.scene.get();
+  const auto tell = [&](fs_status status, const char* what) {
+    if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
+    if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s of %s: %s\n", what, client.name.c_str(), fs_last_error());
+  };
+  tell(fs_scene_set_clutch(scene, client.view->clutch_held), "the clutch");
+  try {
+    const fs_frame frame = frame_at(site, *client.view);
+    tell(fs_scene_set_frame(scene, &frame), "the frame");
+  } catch (const forceserver::Error& error) {
+    tell(error.status(), "the frame");
+  }
+  if (!client.tool.empty()) tell(fs_scene_set_tool(scene, client.tool.data(), client.tool.size()), "the tool");
+  tell(fs_scene_set_tool_radius(scene, client.view->tool_radius), "the radius of the tool");
+}
+
+fs_object Incoming::to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const {
+  fs_object out = to_c(object.sample, name);
+  constexpr double tolerated = 0.02;  // s: f(d, t) jumps when its start is changed
+  if (!object.is_set || std::fabs(object.offset - site.clock.offset()) > tolerated) object.offset = site.clock.offset();
+  out.start += object.offset;
+  out.time = object.sample.horizon > 0 ? site.clock.to_ours(out.time) : FS_NOW;
+  object.contents.put_handles(out);
+  return out;
+}
+
+void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::string& name, double now) {
+  const auto found = client.objects.find(name);
+  if (found == client.objects.end()) return;
+  RemoteObject& object = found->second;
+  if (object.is_gone) {
+    const fs_status status = object.is_set ? fs_object_remove(client.scene.get(), name.c_str()) : FS_OK;
+    if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
+    client.objects.erase(found);
+    return;
+  }
+  bool is_whole = true;
+  const auto get = [&](const std::string& key) -> ContentRef {
+    if (key.empty()) return nullptr;
+    ContentRef content = contents_.find(key, now);
+    if (!content) is_whole = false;
+    return content;
+  };
+  const forceserver_Object& sample = object.sample;
+  ContentsOfObject contents{get(text_of(sample.form)), get(text_of(sample.finish)), get(text_of(sample.front.curve)),
+                            get(text_of(sample.back.curve))};
+  if (!is_whole) return;  // what it had stays, until its contents have come
+  const bool is_right = (!contents.shape || contents.shape->shape) && (!contents.surface || contents.surface->surface) &&
+                        (!contents.front || contents.front->curve) && (!contents.back || contents.back->curve);
+  if (!is_right) {
+    std::fprintf(stderr, "forceserver-bridge: %s/%s has a key of another kind of content\n", client.name.c_str(), name.c_str());
+    return;
+  }
+  object.contents = std::move(contents);
+  const fs_object local = to_local(site, object, name);
+  const fs_status status = fs_object_set(client.scene.get(), &local);
+  if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
+  object.is_set = object.is_set || status == FS_OK;
+  if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s/%s: %s\n", client.name.c_str(), name.c_str(), fs_last_error());
+}
+
+void Incoming::forget_server() {
+  has_lost_server_ = false;
+  for (auto& [name, site] : sites_) {
+    for (auto& [client_name, client] : site.clients) {
+      client.scene = {};
+      client.next_try = 0;
+      for (auto& [object_name, object] : client.objects) {
+        object.is_set = false;
+        client.due.insert(object_name);
+      }
+    }
+  }
+}
+
+void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
+  for (auto& [site_name, site] : sites_) {
+    for (auto& [client_name, client] : site.clients) {
+      fs_event event{};
+      while (client.scene && fs_scene_next_event(client.scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
+        if (event.kind == FS_EVENT_DISCONNECTED) has_lost_server_ = true;
+        if (event.kind == FS_EVENT_DISCONNECTED) break;
+        if (event.kind == FS_EVENT_REFUSED) {
+          std::fprintf(stderr, "forceserver-bridge: %s/%s was refused: %s\n", client.name.c_str(), event.name, event.text);
+        }
+        const auto object = client.objects.find(event.name);
+        if (event.kind != FS_EVENT_EDITED || object == client.objects.end() || object->second.is_gone) continue;
+        f({site, client, event.name, event.text, false});
+      }
+    }
+  }
+}
+
+void Incoming::set_again(RemoteSite& site, RemoteClient& client, const std::string& name) {
+  const auto found = client.objects.find(name);
+  if (found == client.objects.end() || found->second.is_gone || !client.scene) return;
+  const fs_object local = to_local(site, found->second, name);
+  fs_object_set(client.scene.get(), &local);
+}
+
+}  // namespace bridge
