@@ -250,9 +250,11 @@ void Bridge::look_for_stop(double time) {
   stats_ = scene_->get_servo_stats();
   const bool is_on = stats_.enabled;
   if (is_on != is_force_on_ || stats_.faults != faults) next_status_ = 0;
-  if (is_force_on_ && !is_on) {
+  // Who presses the button again after the force has returned for a moment is heard, too.
+  const bool is_pressed = !is_on && !who.empty() && who != own_name_;
+  if ((is_force_on_ && !is_on) || is_pressed) {
     stopped_ = time;
-    if (!is_stopped_by_room_) {
+    if (!is_stopped_by_room_ || is_pressed) {
       forceserver_Stop stop{};
       put_text(stop.site, options_.site);
       put_text(stop.client, who);

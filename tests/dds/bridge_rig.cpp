@@ -122,8 +122,15 @@ double weight_of(const Scene& scene, const std::string& name) {
 }
 
 bool has_object(const Scene& scene, const std::string& name) {
-  fs_report report{};
-  return fs_scene_get_report(scene.get(), name.c_str(), &report) == FS_OK;
+  fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
+  const fs_status status = fs_object_get(scene.get(), name.c_str(), &object);
+  fs_object_release(&object);
+  return status == FS_OK;
+}
+
+size_t objects_of(const Scene& scene, const std::string& client) {
+  size_t count = 0;
+  return fs_scene_get_motions(scene.get(), client.c_str(), nullptr, 0, &count) == FS_OK ? count : 0;
 }
 
 fs_object spring_at(const std::string& name, fs_vec3 place) {

@@ -74,6 +74,7 @@ class Site {
   forceserver::Server server_;
 };
 
+size_t objects_of(const forceserver::Scene& scene, const std::string& client);  // 0: also if it is not there
 bool has_object(const forceserver::Scene& scene, const std::string& name);
 double weight_of(const forceserver::Scene& scene, const std::string& name);  // 0: it is not there
 fs_object spring_at(const std::string& name, fs_vec3 place);  // 100 N/m, 5 N at most

@@ -199,7 +199,7 @@ START_TEST(a_group_stays_together) {
     group.commit();
   };
   set_all(0);
-  EVENTUALLY(viewer.get_motions("app@lab").size() == count);
+  EVENTUALLY(objects_of(viewer, "app@lab") == count);
   int seen = 0, torn = 0;
   double last = -1;
   for (int generation = 1; generation <= 30; ++generation) {
@@ -353,7 +353,7 @@ START_TEST(what_is_removed_goes) {
   lab.own.object_set(spring_at("wall", {0.03, 0, 0}));  // of the server's own scene
   Scene app = lab.connect("app");
   for (int i = 0; i < 10; ++i) app.object_set(spring_at("s" + std::to_string(i), {0.03, 0, 0}));
-  EVENTUALLY(viewer.get_motions("app@lab").size() == 10);
+  EVENTUALLY(objects_of(viewer, "app@lab") == 10);
   EVENTUALLY(has_object(viewer, "server@lab/wall"));
   app.object_remove("s3");
   EVENTUALLY(!has_object(viewer, "app@lab/s3"));
