@@ -103,7 +103,7 @@ fs_surface_settings to_c(const forceserver_Surface& s) {
   out.slip_distance = s.slip_distance;
   out.columns = s.columns;
   out.rows = s.rows;
-  out.axis = static_cast<fs_axis>(s.axis);
+  out.axis = static_cast<fs_axis>(s.axis & 0x7fffffff);
   out.repeats = s.repeats;
   out.column_width = s.column_width;
   out.row_width = s.row_width;

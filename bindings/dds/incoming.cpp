@@ -11,7 +11,7 @@ constexpr double together = 0.05;   // s: so long the objects of a change wait f
 constexpr double settling = 0.3;    // s: a new site's objects are set when its motions have come, too
 constexpr double retry = 1;         // s
 constexpr double kept_empty = 5;    // s: so long the connection of a client without objects is kept
-constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 256;
+constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 64;
 
 fs_twist twist_of(const forceserver_Moved& moved) {
   const float* const t = moved.twist;

@@ -10,6 +10,12 @@ namespace {
 
 constexpr size_t longest_name = 63;
 
+// Another site may write any number. One that is no value is refused where the object is set.
+template <class Enum>
+Enum to_enum(int32_t number) {
+  return static_cast<Enum>(number & 0x7fffffff);
+}
+
 forceserver_Profile to_sample(const fs_profile& profile) {
   forceserver_Profile out{};
   out.kind = profile.kind;
@@ -24,8 +30,8 @@ forceserver_Profile to_sample(const fs_profile& profile) {
 
 fs_profile to_c(const forceserver_Profile& profile) {
   fs_profile out{};
-  out.kind = static_cast<fs_profile_kind>(profile.kind);
-  out.sense = static_cast<fs_sense>(profile.sense);
+  out.kind = to_enum<fs_profile_kind>(profile.kind);
+  out.sense = to_enum<fs_sense>(profile.sense);
   out.gain = profile.gain;
   out.offset = profile.shift;
   out.width = profile.width;
@@ -88,7 +94,7 @@ void put_object(forceserver_Object& out, const fs_object& object) {
 }
 
 fs_object to_c(const forceserver_Object& sample, const std::string& name) {
-  fs_object out = fs_object_init(name.c_str(), static_cast<fs_primitive>(sample.primitive));
+  fs_object out = fs_object_init(name.c_str(), to_enum<fs_primitive>(sample.primitive));
   out.pose = to_c(sample.place);
   if (sample.horizon > 0) out.twist = to_c(sample.motion);
   out.time = sample.time;
@@ -96,7 +102,7 @@ fs_object to_c(const forceserver_Object& sample, const std::string& name) {
   out.front = to_c(sample.front);
   out.back = to_c(sample.back);
   out.damping = sample.damping;
-  out.contact.keep = static_cast<fs_keep>(sample.solid.keep);
+  out.contact.keep = to_enum<fs_keep>(sample.solid.keep);
   out.contact.stiffness = sample.solid.stiffness;
   out.contact.limit = sample.solid.limit;
   out.contact.damping = sample.solid.damping;
