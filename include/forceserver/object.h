@@ -308,6 +308,11 @@ typedef struct fs_shape_info {
   bool has_inside;              /* mesh: it is closed, or it is when corners at equal coordinates count as one, as where an
                                    export splits them for flat shading. It is then solid and united as a closed mesh is */
   uint8_t reserved[4];          /* 0 */
+  uint64_t content[2];          /* a hash of what the shape was made of: primitive, points, triangles, and of a polyline
+                                   closed. Equal content has the same hash on every machine and in every version; other
+                                   content most probably has another, but somebody who wants to can find some that has the
+                                   same. Points count bit by bit, so 0.0 and -0.0 differ. It is worked out at the first call
+                                   that asks for it, 1 GB in less than 1 s */
 } fs_shape_info;
 FS_DEFINE_INIT(fs_shape_info)
 

@@ -4,8 +4,11 @@
  * clutch and tool, and the forces of all scenes add. When a client is lost, even killed, its objects fade; whatever it
  * sends, it cannot push with more than its force_limit. What lost clients still push counts to the limit of the next
  * client that connects by the same name or for the same user: a program that comes again and again pushes no more than
- * one that stays. A client that alone takes longer than a period in ten ticks in a row, or whose force is not finite,
- * is disconnected, and its force is 0 at once. The server has a thread that takes the clients' changes at the servo's
+ * one that stays. A client whose name has an '@', "client@site", is at another machine and is brought by a bridge: all clients
+ * of one site (the text after the last '@') together push with no more than the force_limit, as if they were one client. Where
+ * they want more, their sum is shortened with its direction kept, what lost ones still push included; each has its own limit,
+ * too. A client that alone takes longer than a period in ten ticks in a row, or whose force is not finite, is disconnected,
+ * and its force is 0 at once. The server has a thread that takes the clients' changes at the servo's
  * rate, and two threads that build their meshes; all end with the server, and nothing remains in the system. Other
  * users cannot pose as a server or as a client of this user: both ends ask the system whose process the other is, and
  * tell it nothing before. Nor can they keep a server from its name: they can take its address, which is in the abstract
@@ -32,7 +35,8 @@ typedef struct fs_server_options {
   uint32_t max_megabytes;       /* of points, triangles and tables, per client, at most 1e6; 0: 1024 */
   double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */
   double force_limit;           /* N, of one client's summed force, whose torque is reduced in proportion; 0: the
-                                   servo's. What lost clients push counts to it (above) */
+                                   servo's. What lost clients push counts to it (above); and of the summed force of all
+                                   clients of one site */
   bool locked;                  /* a client can change its own objects only */
   bool all_users;               /* other users of this machine may connect */
   bool no_stop;                 /* a client cannot end the force: fs_scene_stop_force is DENIED */
@@ -61,7 +65,7 @@ typedef struct fs_client {
            changes,             /* other changes of its objects, of its frame, clutch and tool, and of other clients'
                                    objects by it */
            refused;             /* changes by it that were refused */
-  uint64_t limited;             /* ticks in which force_limit bounded it */
+  uint64_t limited;             /* ticks in which force_limit bounded it, alone or with others of its site */
   uint64_t shape_bytes;         /* size of its shapes, curves and surfaces at the server */
   uint64_t reserved[4];         /* 0 */
 } fs_client;

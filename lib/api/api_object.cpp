@@ -1,5 +1,7 @@
 #include <forceserver/object.h>
 
+#include <algorithm>
+
 #include "api/guarded.h"
 #include "base/grown.h"
 #include "base/names.h"
@@ -174,8 +176,13 @@ fs_status fs_shape_get_info(const fs_shape* shape, fs_shape_info* out) {
   return guarded([&] {
     require_pointer(shape, "shape");
     require_pointer(out, "out");
+    check_grown(out);
     fs_shape_info info = fs_shape_info_init();
     shape->get_info(info);
+    if (knows(*out, out->content)) {
+      const std::array<uint64_t, 2> content = shape->content();
+      std::copy(content.begin(), content.end(), info.content);
+    }
     write_grown(info, out);
   });
 }

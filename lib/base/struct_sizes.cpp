@@ -15,7 +15,7 @@ namespace fs {
   }
 
 SIZES(fs_object, 576, 584, 584)
-SIZES(fs_shape_info, 88, 88, 88)
+SIZES(fs_shape_info, 88, 104, 104)
 SIZES(fs_surface_settings, 32, 104, 104)
 SIZES(fs_device_info, 256, 264, 264)
 SIZES(fs_servo_options, 104, 104, 104)

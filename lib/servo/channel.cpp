@@ -16,6 +16,11 @@ constexpr uint32_t ways_per_visit = 8;
 
 }  // namespace
 
+std::optional<std::string_view> Channel::Owner::site() const noexcept {
+  const size_t at = name.rfind('@');
+  return at == name.npos ? std::nullopt : std::optional(std::string_view(name).substr(at + 1));
+}
+
 Channel::Channel(ServoLink& servo, const Spread& spread, double period, Ref<LocalScene> scene, const Limits& limits,
                  bool starts_in, Owner owner)
     : scene_(std::move(scene)), limits_(limits), fade_(spread.fade), visits_(static_cast<uint32_t>(visits_a_second * period)),
@@ -132,6 +137,17 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now, ImpactBudg
   return device;
 }
 
+double clamp(fs_response& device, const Channel::Limits& most) noexcept {
+  const double force = norm(device.wrench.force), torque = norm(device.wrench.torque);
+  const double factor = std::fmin(force > most.force ? most.force / force : 1, torque > most.torque ? most.torque / torque : 1);
+  if (!(factor < 1)) return 1;
+  const Mat3 stiffness = device.stiffness;
+  const Vec3 whole = device.wrench.force;
+  scale(device, factor);
+  if (force > most.force) device.stiffness = shortened(stiffness, whole, factor * force);
+  return factor;
+}
+
 // Clamps to the limit of the client; a force that is not finite disables only this client.
 void Channel::limit(fs_response& device) noexcept {
   const Wrench& w = device.wrench;
@@ -146,18 +162,12 @@ void Channel::limit(fs_response& device) noexcept {
     lost.torque += push->wrench.torque;
   }
   const Limits most{std::fmax(0, limits_.force - norm(lost.force)), std::fmax(0, limits_.torque - norm(lost.torque))};
-  const double force = norm(w.force), torque = norm(w.torque);
-  const double factor = std::fmin(force > most.force ? most.force / force : 1, torque > most.torque ? most.torque / torque : 1);
-  if (!(factor < 1)) return;
-  const Mat3 stiffness = device.stiffness;
-  const Vec3 whole = w.force;
-  scale(device, factor);
-  if (force > most.force) device.stiffness = shortened(stiffness, whole, factor * force);
-  limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+  is_limited_ = clamp(device, most) < 1;
 }
 
 fs_response Channel::evaluate(const fs_state& hand, double now, ImpactBudget& impacts) noexcept {
   fs_response device{};
+  is_limited_ = false;
   if (!is_bad()) device = evaluate_views(hand, now, impacts);
   if (limits_.force < never) limit(device);
   if (weight_ < 1) {
@@ -171,13 +181,16 @@ fs_response Channel::evaluate(const fs_state& hand, double now, ImpactBudget& im
     hand_.response.proxy = hand_.state.pose;
     tick_.weight = 0;
   }
-  note_push(device.wrench);
+  push_->wrench = device.wrench;
   return device;
 }
 
-void Channel::note_push(const Wrench& wrench) noexcept {
-  push_->wrench = wrench;
-  wrench_.write(wrench);
+void Channel::note_added(double part) noexcept {
+  const Wrench& whole = push_->wrench;
+  wrench_.write({part * whole.force, part * whole.torque});
+  const bool pushes = !(whole.force == Vec3{} && whole.torque == Vec3{});
+  if (!is_limited_ && !(part < 1 && pushes)) return;
+  limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
 void Channel::charge(double cost, double period) noexcept {
@@ -191,7 +204,9 @@ void Channel::forget_touches() noexcept {
 }
 
 void Channel::lose_hand(double now, uint32_t flags) noexcept {
-  note_push({});  // the pose stays the last that is known
+  push_->wrench = {};
+  is_limited_ = false;
+  note_added(1);  // the pose stays the last that is known
   hand_.state.flags = (hand_.state.flags & FS_STATE_CLUTCHED) | (flags & ~uint32_t{FS_STATE_READY});
   hand_.state.buttons = 0;
   hand_.state.twist = {};

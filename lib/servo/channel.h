@@ -3,7 +3,9 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "budget/scene_budget.h"
@@ -18,14 +20,17 @@ class Channel final : public Counted<Channel> {
   // The most that this scene may add to the sum of all forces.
   struct Limits {
     double force = never, torque = never;  // N, N m
+    bool operator==(const Limits&) const = default;
   };
 
   // The client that owns the scene.
   struct Owner {
     std::string name;
     uint32_t user;
+    // Where it is: of "client@site" the text after the last '@', which may be empty. None: on this machine.
+    std::optional<std::string_view> site() const noexcept;
   };
-  // What a scene adds at this tick, for those that count it to their own limits.
+  // What a scene adds at this tick, before it is limited with others of its site; for those that count it to their own limits.
   struct Push : Counted<Push> {
     Wrench wrench{};                   // the servo's thread alone
     std::atomic<bool> is_over{false};  // the scene has faded out
@@ -42,6 +47,8 @@ class Channel final : public Counted<Channel> {
 
   LocalScene& scene() const noexcept { return *scene_; }
   const Ref<SceneBudget>& budget() const noexcept { return budget_; }
+  const Owner& owner() const noexcept { return owner_; }
+  const Limits& limits() const noexcept { return limits_; }
 
   // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
   // that adds nothing any more. Any thread.
@@ -69,6 +76,9 @@ class Channel final : public Counted<Channel> {
   // [rt] The scene's response for the hand (device frame), in device axes, within the limits.
   fs_response evaluate(const fs_state& hand, double now, ImpactBudget& impacts) noexcept;
 
+  // [rt] After evaluate: this part of the response was added, 0..1.
+  void note_added(double part) noexcept;
+
   // [rt] Reports the time that evaluate took, s. A scene that makes every tick late on its own is excluded before the
   // guard would stop the force of all scenes.
   void charge(double cost, double period) noexcept;
@@ -88,7 +98,6 @@ class Channel final : public Counted<Channel> {
                             ImpactBudget& impacts) noexcept;
   double part_that_moves(uint32_t view, uint64_t version, bool is_held, double now) noexcept;
   void limit(fs_response& device) noexcept;
-  void note_push(const Wrench& wrench) noexcept;
 
   const Ref<LocalScene> scene_;
   const Limits limits_;
@@ -116,8 +125,12 @@ class Channel final : public Counted<Channel> {
   Quat axes_ = identity_quat();  // rotation from scene to device axes in the newest view
   std::atomic<bool> is_bad_{false};
   int slow_in_a_row_ = 0;
+  bool is_limited_ = false;  // at this tick
   std::atomic<uint64_t> limited_{0};
   Latest<Wrench> wrench_;
 };
+
+// [rt] Shortens a response that pushes with more than the limits, and keeps its direction. Returns by which factor; 1: it does not.
+double clamp(fs_response& device, const Channel::Limits& limits) noexcept;
 
 }  // namespace fs

@@ -8,10 +8,23 @@
 
 namespace fs {
 
+// A site whose clients have several limits, as an earlier server of the servo had another, counts as several: so the limit of what
+// is still felt stays.
+Channels::List::List(std::vector<Ref<Channel>> those) : channels(std::move(those)) {
+  for (size_t i = 0; i < channels.size(); ++i) {
+    const auto name = channels[i]->owner().site();
+    const Channel::Limits& limits = channels[i]->limits();
+    if (!name || !(limits.force < never)) continue;
+    const auto is_its = [&](const Site& site) { return site.name == *name && site.limits == limits; };
+    const auto found = std::find_if(sites.begin(), sites.end(), is_its);
+    site_of.resize(channels.size(), no_site);
+    site_of[i] = static_cast<size_t>(found - sites.begin());
+    if (found == sites.end()) sites.push_back({std::string(*name), limits, {}, 1});
+  }
+}
+
 void Channels::start(Ref<Channel> own) {
-  const Ref<List> list = make_ref<List>();
-  list->channels.push_back(std::move(own));
-  posted_ = list;
+  posted_ = make_ref<List>(std::vector{std::move(own)});
   mailbox_.prime(posted_);
 }
 
@@ -26,9 +39,9 @@ void Channels::stop() noexcept {
 void Channels::add(const Ref<Channel>& channel) {
   const std::lock_guard lock(mutex_);
   if (!posted_) fail(FS_ERROR_STATE, "the servo has been stopped");
-  const Ref<List> list = make_ref<List>();
-  list->channels = posted_->channels;
-  list->channels.push_back(channel);
+  std::vector<Ref<Channel>> channels = posted_->channels;
+  channels.push_back(channel);
+  const Ref<const List> list = make_ref<List>(std::move(channels));
   channel->take_over_from(posted_->channels);
   posted_ = list;
   mailbox_.post(posted_);
@@ -38,7 +51,9 @@ fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_
                                double period) noexcept {
   mailbox_.fetch();
   impacts_.begin(impacts);
-  const std::vector<Ref<Channel>>& channels = mailbox_.front()->channels;
+  const List& list = *mailbox_.front();
+  const std::vector<Ref<Channel>>& channels = list.channels;
+  for (Site& site : list.sites) site.sum = {};
   fs_response out{};
   out.proxy = identity_pose();
   for (size_t i = 0; i < channels.size(); ++i) {
@@ -50,16 +65,32 @@ fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_
       channel.lose_hand(now, hand.flags);
     } else if (i == 0) {
       out = channel.evaluate(hand, now, impacts_);  // the servo's own scene
+      channel.note_added(1);
     } else {
       const double start = period > 0 ? steady_now() : 0;
       const fs_response its = channel.evaluate(hand, now, impacts_);
-      fs::add(out, its);
+      Site* const site = list.site(i);
+      fs::add(site ? site->sum : out, its);
+      if (!site) channel.note_added(1);
       const Vec3 at = hand.pose.position;
       if (norm(its.proxy.position - at) > norm(out.proxy.position - at)) out.proxy = its.proxy;
       if (period > 0) channel.charge(steady_now() - start, period);
     }
   }
+  if (has_pose && !list.sites.empty()) add_sites(list, out);
   return out;
+}
+
+// [rt] What the clients of each site give together, within the limit of one.
+void Channels::add_sites(const List& list, fs_response& out) noexcept {
+  for (Site& site : list.sites) {
+    site.part = clamp(site.sum, site.limits);
+    fs::add(out, site.sum);
+  }
+  for (size_t i = 0; i < list.channels.size(); ++i) {
+    const Site* const site = list.site(i);
+    if (site && !list.channels[i]->is_gone()) list.channels[i]->note_added(site->part);
+  }
 }
 
 void Channels::publish(const Wrench& sent, uint32_t flags, uint64_t tick) noexcept {
@@ -99,9 +130,9 @@ void Channels::reap() {
   const std::vector<Ref<Channel>>& present = posted_->channels;
   const auto is_gone = [](const Ref<Channel>& channel) { return channel->is_gone(); };
   if (std::any_of(present.begin(), present.end(), is_gone)) {
-    const Ref<List> list = make_ref<List>();
-    std::remove_copy_if(present.begin(), present.end(), std::back_inserter(list->channels), is_gone);
-    posted_ = list;
+    std::vector<Ref<Channel>> rest;
+    std::remove_copy_if(present.begin(), present.end(), std::back_inserter(rest), is_gone);
+    posted_ = make_ref<List>(std::move(rest));
     mailbox_.post(posted_);
   } else if (mailbox_.take_back()) {  // also frees the list that the tick no longer uses
     mailbox_.post(posted_);

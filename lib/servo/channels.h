@@ -3,6 +3,7 @@
 #pragma once
 
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "servo/channel.h"
@@ -32,9 +33,24 @@ class Channels {
   void publish(const Wrench& sent, uint32_t flags, uint64_t tick) noexcept;
 
  private:
-  struct List : Counted<List> {
-    std::vector<Ref<Channel>> channels;
+  // The clients of one site, which together push no more than one client may.
+  struct Site {
+    std::string name;
+    Channel::Limits limits;
+    fs_response sum;  // the tick's
+    double part;  // of the sum that was added; the tick's
   };
+  struct List : Counted<List> {
+    explicit List(std::vector<Ref<Channel>> those);
+    const std::vector<Ref<Channel>> channels;
+    std::vector<size_t> site_of;  // of each channel; no_site: it has none. Empty: none has one
+    mutable std::vector<Site> sites;  // in the order in which they came
+    static constexpr size_t no_site = SIZE_MAX;
+    Site* site(size_t channel) const noexcept {
+      return site_of.empty() || site_of[channel] == no_site ? nullptr : &sites[site_of[channel]];
+    }
+  };
+  static void add_sites(const List& list, fs_response& out) noexcept;
   std::mutex mutex_;
   Ref<const List> posted_;  // null: the servo has been stopped
   Mailbox<Ref<const List>> mailbox_;

@@ -1,10 +1,12 @@
 #include "shape/shape.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 
 #include "base/error.h"
+#include "base/hash.h"
 #include "shape/mesh/mesh_edges.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/mesh_union.h"
@@ -170,6 +172,22 @@ Segments::Segments(const std::vector<Vec3>& points, bool closed, StopToken& stop
 
 Segments::~Segments() = default;
 
+// What is worked out from the points and triangles does not count: a later version may do that otherwise.
+static std::array<uint64_t, 2> content_of(const Shape& shape) noexcept {
+  ContentHash hash;
+  hash.add(static_cast<uint64_t>(shape.primitive));
+  hash.add(shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed);
+  hash.add(shape.points.size());
+  hash.add(shape.triangles.size());
+  for (const Vec3& p : shape.points) {
+    for (const double x : {p.x, p.y, p.z}) hash.add(std::bit_cast<uint64_t>(x));
+  }
+  const std::vector<uint32_t>& corners = shape.triangles;
+  for (size_t i = 0; i + 1 < corners.size(); i += 2) hash.add(corners[i] | uint64_t{corners[i + 1]} << 32);
+  if (corners.size() % 2) hash.add(corners.back());
+  return hash.get();
+}
+
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, StopToken& stop) {
   check_points(points, count, 2, stop);
   std::vector<Vec3> copy(points, points + count);
@@ -254,4 +272,14 @@ void fs_shape::get_info(fs_shape_info& out) const {
   out.struct_size = struct_size;
   out.built = is_built();
   out.united = is_united();
+}
+
+// No lock is held: threads that ask at the same time all work it out.
+std::array<uint64_t, 2> fs_shape::content() const noexcept {
+  if (!has_content_.load(std::memory_order_acquire)) {
+    const std::array<uint64_t, 2> found = fs::content_of(*this);
+    for (size_t i = 0; i < found.size(); ++i) content_[i].store(found[i], std::memory_order_relaxed);
+    has_content_.store(true, std::memory_order_release);
+  }
+  return {content_[0].load(std::memory_order_relaxed), content_[1].load(std::memory_order_relaxed)};
 }

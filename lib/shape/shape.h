@@ -1,6 +1,7 @@
 // The points of a polyline or triangles of a mesh, immutable. It is the fs_shape of the C contract itself.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -68,7 +69,8 @@ struct fs_shape : fs::Counted<fs_shape> {
   const fs::Segments& segments() const noexcept { return *segments_; }  // [rt] of a polyline
 
   // Open and odd edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
-  void get_info(fs_shape_info& out) const;  // all but struct_size
+  void get_info(fs_shape_info& out) const;  // all but struct_size and content
+  std::array<uint64_t, 2> content() const noexcept;  // see fs_shape_info
 
   // Keeps `what` alive as long as the shape. Called before any other thread has the shape.
   void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
@@ -81,6 +83,8 @@ struct fs_shape : fs::Counted<fs_shape> {
   mutable std::unique_ptr<fs::MeshEdges> edges_;  // of a mesh until a build takes them, which need not sort them again
   mutable std::atomic<double> progress_{0};
   mutable std::atomic<const fs::MeshTree*> tree_{nullptr};
+  mutable std::array<std::atomic<uint64_t>, 2> content_{};
+  mutable std::atomic<bool> has_content_{false};
 };
 
 namespace fs {

@@ -266,6 +266,28 @@ START_TEST(a_connected_scene) {
 }
 END_TEST
 
+START_TEST(the_tick_with_clients) {  // of which two are limited together
+  Rig rig("clients");
+  rig.start(virtual_options());
+  const std::string endpoint = new_endpoint();
+  fs_server_options options = fs_server_options_init();
+  options.force_limit = 3;
+  const Server server = start_server(rig.servo.get(), endpoint, options);
+  const Scene here = connect(endpoint, "a"), there = connect(endpoint, "b@x"), too = connect(endpoint, "c@x");
+  for (const Scene* scene : {&here, &there, &too}) {
+    const fs_object o = push("push", 2);
+    OK(fs_object_set(scene->get(), &o));
+    ck_assert(eventually([&] {
+      rig.step(1);
+      return fs_scene_sync(scene->get(), 0.01) == FS_OK;
+    }));
+  }
+  rig.step(2000);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 5}), 1e-9);
+  ck_assert_uint_eq(count([&] { rig.step(100); }), 0);
+}
+END_TEST
+
 START_TEST(poses) {
   Random random(8);
   fs_status worst = FS_OK;
@@ -309,6 +331,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("allocation");
   add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_servo_with_local_models, a_callers_servo,
-                                a_servo_whose_delay_changes, a_driver_that_waits, a_connected_scene, poses, faults});
+                                a_servo_whose_delay_changes, a_driver_that_waits, a_connected_scene, the_tick_with_clients, poses, faults});
   return run_suite(suite);
 }
