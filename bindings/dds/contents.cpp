@@ -38,13 +38,7 @@ class Hash {
 std::string key_of(fs_shape* shape) {
   fs_shape_info info = fs_shape_info_init();
   forceserver::throw_on_error(fs_shape_get_info(shape, &info));
-  Hash hash;
-  size_t points = 0, triangles = 0;
-  const fs_vec3* const p = fs_shape_get_points(shape, &points);
-  const uint32_t* const t = fs_shape_get_triangles(shape, &triangles);
-  hash.add(p, points * sizeof *p);
-  hash.add(t, 3 * triangles * sizeof *t);
-  return hash.text();
+  return hexadecimal(info.content[0], info.content[1]);
 }
 
 std::string key_of(fs_curve* curve) {
