@@ -14,7 +14,7 @@
 namespace bridge {
 namespace {
 
-constexpr double look_period = 0.02, reports_period = 0.04, status_period = 1, retry = 0.5;  // s
+constexpr double look_period = 0.01, reports_period = 0.04, status_period = 1, retry = 0.5;  // s
 
 double steady_now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 

@@ -1,6 +1,7 @@
 #include "outgoing.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace bridge {
@@ -8,7 +9,9 @@ namespace {
 
 constexpr double kept_moving = 0.3;        // s: so long a move is sent again and again
 constexpr size_t most_moves = 100;         // in a sample
-constexpr double motions_period = 0.04;    // s
+constexpr double motions_period = 0.04;    // s, from one sample to the next at least, where what moves is new
+constexpr double repeat_period = 0.08;     // s, where it is not
+constexpr double others_period = 0.04;     // s, between looks at what changes seldom
 constexpr double object_bytes = 900;       // of a sample, with what DDS adds, at most
 
 }  // namespace
@@ -25,8 +28,11 @@ void Outgoing::look(const SceneRef& scene, const std::string& own_name, double n
     seen_ = std::max(seen_, motion.motion_revision);
     note(motion, now, changed);
   }
-  remove_missing(scene, now);
-  note_views(*scene);
+  if (now >= next_others_ || now < next_others_ - 1) {
+    next_others_ = now + others_period;
+    remove_missing(scene, now);
+    note_views(*scene);
+  }
   if (!changed.empty()) fetch(scene, std::move(changed));
   look_at_times(now);
 }
@@ -51,7 +57,7 @@ void Outgoing::note(const fs_motion& motion, double now, std::vector<std::string
   known.is_expired = false;
   if (!has_moved || !known.is_fetched) return;
   known.moved = now;
-  known.is_moving = true;
+  known.is_moving = has_news_ = true;
   known.sample.place = to_sample(motion.pose);
   known.sample.motion = to_sample(motion.twist);
   known.sample.time = motion.time;
@@ -256,19 +262,26 @@ bool Outgoing::write_objects() {
   return true;
 }
 
+// What has moved is sent at once where the last sample is old enough, so that it does not wait for its turn; and again, where
+// nothing new has come, because samples may be lost.
 void Outgoing::write_motions(double now) {
-  if (now < next_motions_) return;
+  const double least = are_many_ ? motions_period / 2 : motions_period;
+  constexpr double early = 0.1;  // of the period: what moves with the same period must not wait for the next
+  const bool is_news_due = has_news_ && std::fabs(now - last_news_) >= (1 - early) * least;
+  if (!is_news_due && std::fabs(now - last_motions_) < repeat_period) return;
+  if (has_news_) last_news_ = now;
   std::vector<Known*> moving;
   for (auto& [name, known] : known_) {
     if (known.is_moving && known.written_revision) moving.push_back(&known);
   }
-  const bool are_many = moving.size() > most_moves;
-  const double period = are_many ? motions_period / 2 : motions_period;
-  motion_rate_ = are_many ? most_moves / (period * static_cast<double>(moving.size())) : 1 / motions_period;
-  next_motions_ = now - next_motions_ < period ? next_motions_ + period : now + period;
+  are_many_ = moving.size() > most_moves;
+  motion_rate_ = are_many_ ? most_moves / (motions_period / 2 * static_cast<double>(moving.size())) : 1 / motions_period;
+  last_motions_ = now;
+  has_news_ = false;
   if (moving.empty()) return;
   const auto is_older = [](const Known* a, const Known* b) { return a->last_sent < b->last_sent; };
-  if (are_many) {
+  if (are_many_) {
+    has_news_ = true;  // not all of them are told
     std::nth_element(moving.begin(), moving.begin() + most_moves, moving.end(), is_older);
     moving.resize(most_moves);
   }

@@ -107,7 +107,10 @@ class Outgoing {
   uint64_t generation_ = 0;  // grows when the server is lost: what was fetched before does not count
   uint32_t written_ = 0;
   uint64_t digest_ = 0;
-  double next_motions_ = 0, motion_rate_ = 25;
+  double last_motions_ = 0, last_news_ = 0, next_others_ = 0;  // s
+  double motion_rate_ = 25;                    // Hz
+  bool has_news_ = false;                      // something has moved since the last sample
+  bool are_many_ = false;                      // move
 };
 
 }  // namespace bridge
