@@ -115,6 +115,13 @@ def accessors(struct, field):
 
     if type_ == "char":
         return both("String", f"return text({at}, {field['count']});", f'text("{name}", {at}, {field["count"]}, value);')
+    if field["count"] > 1 and type_ in NUMBERS:
+        java, size, how, _ = NUMBERS[type_]
+        return f"""{comment}  public {java} {name}(int index) {{
+    java.util.Objects.checkIndex(index, {field['count']});
+    return memory.bytes.get{how}({at} + index * {size});
+  }}
+"""
     if field["count"] > 1:
         inner = class_of(type_)
         return f"""{comment}  public {inner} {name}(int index) {{

@@ -127,6 +127,7 @@ class Generator(Functions):
     def stub_text(self):
         yield "# Generated from the description of the headers by generate.py."
         yield "import builtins"
+        yield "from collections.abc import Sequence"
         yield "from enum import IntEnum, IntFlag"
         yield "from os import PathLike"
         yield "from typing import Any, ClassVar, Literal, Protocol, Self, TypedDict, Unpack, overload\n"

@@ -294,6 +294,10 @@ class Class {
       using E = std::remove_extent_t<M>;
       if constexpr (std::is_same_v<E, char>) {
         return text_to_python(member, strnlen(member, sizeof member));
+      } else if constexpr (std::is_integral_v<E>) {
+        py::tuple numbers(std::extent_v<M>);
+        for (size_t i = 0; i < std::extent_v<M>; ++i) numbers[i] = py::int_(member[i]);
+        return std::move(numbers);
       } else {
         static_assert(Doubles<E>::value);
         auto shape = Doubles<E>::shape();
@@ -330,6 +334,15 @@ class Class {
         }
         std::memset(member, 0, sizeof member);
         std::memcpy(member, text.get(), text.size());
+      } else if constexpr (std::is_integral_v<E>) {
+        const py::tuple numbers(py::reinterpret_borrow<py::object>(object));
+        if (numbers.size() != std::extent_v<M>) {
+          raise(FS_ERROR_INVALID, std::string(field_name) + " has " + std::to_string(numbers.size()) + " numbers, must have " +
+                                      std::to_string(std::extent_v<M>));
+        }
+        M read;
+        for (size_t i = 0; i < numbers.size(); ++i) read[i] = number<E>(numbers[i], field_name);
+        std::copy(std::begin(read), std::end(read), member);
       } else {
         auto shape = Doubles<E>::shape();
         shape.insert(shape.begin(), std::extent_v<M>);

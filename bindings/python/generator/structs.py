@@ -140,4 +140,6 @@ class Structs(Names):
         if type_.endswith("*"):
             return f"{camel(bare(type_))} | None", f"{camel(bare(type_))} | None"
         python = PYTHON.get(type_, "int")
+        if field["count"] > 1:
+            return f"tuple[{python}, ...]", f"Sequence[{python}]"
         return python, python

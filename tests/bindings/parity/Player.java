@@ -279,6 +279,7 @@ public final class Player implements AutoCloseable {
         give(info.openEdges());
         give(info.lower());
         give(info.upper());
+        for (int i = 0; i < 2; ++i) give(String.format("%016x", info.content(i)));
       }
       case "build" -> {
         shapes.get(name).build();

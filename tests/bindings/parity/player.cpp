@@ -217,6 +217,11 @@ class Player {
       shapes_[name] = shape;
       check(fs_shape_get_info(shape, &info));
       give(info.primitive), give(info.closed), give(double(info.open_edges)), give(info.lower), give(info.upper);
+      for (const uint64_t part : info.content) {
+        char text[20];
+        std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(part));
+        give(text);
+      }
     } else if (verb == "build") {
       fs_shape_info info = fs_shape_info_init();
       check(fs_shape_build(shapes_.at(name)));

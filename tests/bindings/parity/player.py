@@ -125,6 +125,7 @@ class Player:
         self.shapes[name] = shape
         info = shape.get_info()
         self.give(int(info.primitive), info.closed, info.open_edges, info.lower, info.upper)
+        self.give(*(f"{part:016x}" for part in info.content))
 
     def do_build(self, name):
         self.shapes[name].build()

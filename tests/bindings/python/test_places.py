@@ -163,6 +163,16 @@ def test_copies_and_pickles_are_of_the_same_class():
         assert type(again) is type(one) and again == one
     line = pickle.loads(pickle.dumps(fs.Polyline([[0, 0, 0], [1, 0, 0]], closed=True).shape))
     assert line.get_info().closed and line.get_triangles() is None
+    content = line.get_info().content
+    assert content == fs.shape_create_polyline(line.get_points(), True).get_info().content and len(content) == 2
+    assert content != fs.shape_create_polyline(line.get_points(), False).get_info().content
+    info = fs.ShapeInfo(content=content)
+    assert info.content == content and info != fs.ShapeInfo() and f"content=({content[0]}, {content[1]})" in repr(info)
+    with pytest.raises(fs.InvalidError, match="content has 1 numbers"):
+        info.content = [1]
+    with pytest.raises((fs.InvalidError, OverflowError, ValueError)):
+        info.content = [1, -1]
+    assert info.content == content
     with pytest.raises(TypeError):
         pickle.dumps(fs.Scene())
 

@@ -58,6 +58,8 @@ class SceneTest {
       assertEquals(1, mesh.progress());
       assertTrue(mesh.info().built());
       assertEquals(3, mesh.info().openEdges());
+      assertFalse(mesh.info().content(0) == 0 || mesh.info().content(0) == line.info().content(0));
+      assertThrows(IndexOutOfBoundsException.class, () -> mesh.info().content(2));
       assertEquals(2, mesh.triangles().get(2));
       assertEquals(new Vec3(1, 1, 0), mesh.info().upper());
       Support.refused(Status.ERROR_INVALID, "at least 2", () -> Shape.polyline(false, Support.UP));
