@@ -21,21 +21,34 @@ if [ "${1-}" != --inside ]; then
     echo "usage: namespaces.sh RELAY N COMMAND..." >&2
     exit 2
   fi
-  if ! command -v ip unshare nsenter > /dev/null || ! unshare -Urn ip link add name fsa type veth peer name fsb 2> /dev/null; then
-    echo "not tested: network namespaces with veths are not available here"
+  refused() {
+    echo "not tested: $1 not available here"
     exit 77
+  }
+  for tool in ip unshare nsenter setpriv; do
+    command -v "$tool" > /dev/null || refused "the program $tool is"
+  done
+  unshare -Urn --fork --pid --mount-proc unshare -n -u ip link add name fsa type veth peer name fsb 2> /dev/null ||
+    refused "network namespaces with veths are"
+  if [ "${NET_CLOCKS-}" = apart ]; then
+    unshare -UrT --monotonic 1 true 2> /dev/null || refused "time namespaces are"
   fi
-  if [ "${NET_CLOCKS-}" = apart ] && ! unshare -UrT --monotonic 1 true 2> /dev/null; then
-    echo "not tested: time namespaces are not available here"
-    exit 77
-  fi
-  exec unshare -Urn --kill-child --fork --pid --mount-proc bash "$0" --inside "$@"
+  # unshare itself ignores what asks it to end, and bash has what it starts so ignore Ctrl-C.
+  NET_FOLDER=$(mktemp -d)
+  export NET_FOLDER
+  trap '{ kill -KILL "$network" && wait "$network"; } 2> /dev/null || true; rm -rf "$NET_FOLDER"' EXIT
+  trap 'exit 143' TERM HUP
+  trap 'exit 130' INT
+  setpriv --pdeathsig KILL env --default-signal=INT,QUIT unshare -Urn --kill-child --fork --pid --mount-proc bash "$0" \
+    --inside "$@" <&0 &
+  network=$!
+  status=0
+  wait "$network" || status=$?
+  exit "$status"
 fi
 shift
 relay=$(realpath "$1") NET_SITES=$2
 shift 2
-NET_FOLDER=$(mktemp -d)
-trap 'rm -rf "$NET_FOLDER"' EXIT
 NET_SOCKET=$NET_FOLDER/relay
 
 # For each site a process that does nothing but hold its namespaces. The PID namespace ends with this script, and all in it.
@@ -63,7 +76,7 @@ cat > "$NET_FOLDER/bin/net" << END
 exec "$relay" --tell "$NET_SOCKET" "\$@"
 END
 chmod +x "$NET_FOLDER"/bin/*
-export NET_SITES NET_PIDS NET_SOCKET NET_FOLDER PATH=$NET_FOLDER/bin:$PATH
+export NET_SITES NET_PIDS NET_SOCKET PATH=$NET_FOLDER/bin:$PATH
 
 # No addresses of IPv6: the system would speak by itself.
 ends=()

@@ -11,7 +11,8 @@
 // is for all ways; "2" are the ways from and to site 2, "1-2" those between 1 and 2, "1>2" the way from 1 to 2.
 //
 //   delay S [WAYS]    jitter S [WAYS]    a frame takes from delay to delay + jitter. Frames of a way keep their order, so where
-//                                        many come within the jitter, most take nearly all of it
+//                                        many come within the jitter, most take nearly all of it. A delay that is set anew
+//                                        lets frames overtake those that are on their way
 //   loss P [WAYS]                        the chance that a frame is lost. ARP never is: it would only cost a second
 //   reorder P [WAYS]    late S [WAYS]    the chance that a frame comes `late` (0.005) after its turn, behind what followed it
 //   cut [WAYS]    heal [WAYS]            nothing passes, nor what is on its way already. A site that was cut off by itself
@@ -283,7 +284,7 @@ class Network {
       if (words.size() == 3 && !read(words[2], ways)) return false;
       for_each(ways, [&](Way& way) {
         way.*number->second = value;
-        way.newest_due = 0;  // a shorter delay is one from now on
+        if (words[0] == "delay") way.newest_due = 0;  // a shorter one holds from now on
       });
       return true;
     }
