@@ -93,6 +93,7 @@ int run(int argc, char** argv) {
     if (network.network != "lo" && network.security.empty() && !is_open) {
       throw CLI::ValidationError("--interface", "on a network anyone could push the hand: give --security, or --open if that is what you want");
     }
+    if (!network.security.empty() && network.domain > 230) throw CLI::ValidationError("--domain", "must be at most 230 with --security");
     if (is_open && !network.security.empty()) throw CLI::ValidationError("--open", "and --security exclude each other");
     for (const std::string& frame : frames) options.frames.insert(parse_frame(frame));
     for (const std::string& each : follow) {
