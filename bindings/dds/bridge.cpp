@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 
 #include "mirror.h"
 #include "ros.h"
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -30,11 +30,6 @@ bool is_due(double& next, double now, double period) {
   if (now < next && next - now < 10 * period + 10) return false;
   next = now - next < period && next > 0 ? next + period : now + period;
   return true;
-}
-
-void say(const std::string& text) {
-  std::printf("%s\n", text.c_str());
-  std::fflush(stdout);
 }
 
 }  // namespace
@@ -86,7 +81,7 @@ void Bridge::turn() {
       if (error.status() == FS_ERROR_DISCONNECTED) {
         lose_server(time);
       } else if (error.status() != FS_ERROR_TIMEOUT) {
-        std::fprintf(stderr, "forceserver-bridge: %s\n", error.what());
+        complain(error.what());
       }
     }
     time = now();
@@ -154,7 +149,7 @@ void Bridge::connect(double time) {
   } catch (const forceserver::Error& error) {
     const std::string what = error.what();
     if (what != trouble_) {
-      std::fprintf(stderr, "forceserver-bridge: %s; it is tried again and again\n", what.c_str());
+      complain(what + "; it is tried again and again");
       trouble_ = what;
     }
   }
@@ -174,11 +169,10 @@ bool Bridge::is_twin() {
   const uint64_t twin = incoming_.twin();
   if (twin == 0) return has_twin_told_ = false;
   if (twin < session_) {
-    std::fprintf(stderr, "forceserver-bridge: there is a site %s in the room already; give this one another name (--site)\n",
-                 options_.site.c_str());
+    complain("there is a site " + options_.site + " in the room already; give this one another name (--site)");
     return true;
   }
-  if (!has_twin_told_) std::fprintf(stderr, "forceserver-bridge: another bridge with the name of site %s has started, and will end\n", options_.site.c_str());
+  if (!has_twin_told_) complain("another bridge with the name of site " + options_.site + " has started, and will end");
   has_twin_told_ = true;
   return false;
 }
@@ -450,7 +444,7 @@ void Bridge::leave() {
   put_text(sample.site, options_.site);
   sample.session = session_;
   room_.status.writer.dispose(sample);
-  usleep(50000);  // for the last samples
+  participant_.wait_for_readers(0.5);
 }
 
 }  // namespace bridge

@@ -120,6 +120,10 @@ void Participant::wait(double seconds) const {
   dds_take_guardcondition(woken_.get(), &was_woken);
 }
 
+void Participant::wait_for_readers(double seconds) const {
+  dds_wait_for_acks(publisher_.get(), static_cast<dds_duration_t>(seconds * 1e9));
+}
+
 void Participant::wake() const { dds_set_guardcondition(woken_.get(), true); }
 
 }  // namespace bridge

@@ -63,6 +63,7 @@ class Participant {
   Entity make_reader(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room = true) const;
   // Waits for a sample, s at most.
   void wait(double seconds) const;
+  void wait_for_readers(double seconds) const;  // until they have all that was written; s at most
   void wake() const;  // ends the wait; any thread
 
  private:

@@ -1,7 +1,8 @@
 #include "edits.h"
 
-#include <cstdio>
 #include <cstring>
+
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -91,8 +92,7 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
 }
 
 void Edits::undo(const Asked& asked, const std::string& why, double now) {
-  std::fprintf(stderr, "forceserver-bridge: the edit of %s/%s at site %s was not made: %s\n", asked.client.c_str(),
-               asked.object.c_str(), asked.site.c_str(), why.c_str());
+  complain("the edit of " + asked.client + "/" + asked.object + " at site " + asked.site + " was not made: " + why);
   for (const std::string& key : asked.contents) writer_.unuse(key, now);
   RemoteSite* const site = incoming_.find(asked.site);
   if (!site) return;
@@ -186,8 +186,7 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       if (!is_whole) return false;
       scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));
     }
-    std::printf("%s was %s by %s at site %s\n", name.c_str(), edit.removes ? "removed" : "edited", edit.editor, from.c_str());
-    std::fflush(stdout);
+    say(name + " was " + (edit.removes ? "removed" : "edited") + " by " + text_of(edit.editor) + " at site " + from);
     answer(edit, FS_OK, "");
   } catch (const forceserver::Error& error) {
     answer(edit, error.status(), error.what());

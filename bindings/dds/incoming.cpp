@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -57,9 +58,8 @@ void Incoming::take_status(double now) {
     if (!info.valid_data) return;
     RemoteSite& here = site(name, now);
     if (!here.is_known) {
-      std::printf("site %s is here%s%s%s\n", name.c_str(), *sample.device ? " with " : "", text_of(sample.device).c_str(),
-                  sample.has_server ? "" : ", without a server");
-      std::fflush(stdout);
+      say("site " + name + " is here" + (*sample.device ? " with " + text_of(sample.device) : "") +
+          (sample.has_server ? "" : ", without a server"));
     }
     const bool has_other_device = here.is_known && here.status.workspace_radius != sample.workspace_radius;
     here.is_known = true;
@@ -79,8 +79,7 @@ void Incoming::take_status(double now) {
 }
 
 void Incoming::lose(RemoteSite& site, const char* how) {
-  std::printf("site %s %s: its objects fade\n", site.name.c_str(), how);
-  std::fflush(stdout);
+  say("site " + site.name + " " + how + ": its objects fade");
   sites_.erase(site.name);  // its connections end with it
 }
 
@@ -234,7 +233,7 @@ bool Incoming::connect(RemoteClient& client, double now) {
     client.is_refused = false;
     return true;
   } catch (const forceserver::Error& error) {
-    if (!client.is_refused) std::fprintf(stderr, "forceserver-bridge: client %s: %s\n", client.name.c_str(), error.what());
+    if (!client.is_refused) complain("client " + client.name + ": " + error.what());
     client.is_refused = true;
     if (error.status() == FS_ERROR_NOT_FOUND) has_lost_server_ = true;
     return false;
@@ -261,7 +260,7 @@ void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
       has_lost_server_ = true;
       return;
     }
-    std::fprintf(stderr, "forceserver-bridge: changes of %s: %s\n", client.name.c_str(), error.what());
+    complain("changes of " + client.name + ": " + error.what());
     for (const std::string& name : due) client.due.insert(name);
     client.is_view_due = client.view.has_value();
   }
@@ -288,7 +287,7 @@ void Incoming::apply_view(RemoteSite& site, RemoteClient& client) {
   fs_scene* const scene = client.scene.get();
   const auto tell = [&](fs_status status, const char* what) {
     if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
-    if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s of %s: %s\n", what, client.name.c_str(), fs_last_error());
+    if (status < 0) complain(std::string(what) + " of " + client.name + ": " + fs_last_error());
   };
   tell(fs_scene_set_clutch(scene, client.view->clutch_held), "the clutch");
   try {
@@ -335,7 +334,7 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const bool is_right = (!contents.shape || contents.shape->shape) && (!contents.surface || contents.surface->surface) &&
                         (!contents.front || contents.front->curve) && (!contents.back || contents.back->curve);
   if (!is_right) {
-    std::fprintf(stderr, "forceserver-bridge: %s/%s has a key of another kind of content\n", client.name.c_str(), name.c_str());
+    complain(client.name + "/" + name + " has a key of another kind of content");
     return;
   }
   object.contents = std::move(contents);
@@ -343,7 +342,7 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const fs_status status = fs_object_set(client.scene.get(), &local);
   if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
   object.is_set = object.is_set || status == FS_OK;
-  if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s/%s: %s\n", client.name.c_str(), name.c_str(), fs_last_error());
+  if (status < 0) complain(client.name + "/" + name + ": " + fs_last_error());
 }
 
 void Incoming::forget_server() {
@@ -368,7 +367,7 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
         if (event.kind == FS_EVENT_DISCONNECTED) has_lost_server_ = true;
         if (event.kind == FS_EVENT_DISCONNECTED) break;
         if (event.kind == FS_EVENT_REFUSED) {
-          std::fprintf(stderr, "forceserver-bridge: %s/%s was refused: %s\n", client.name.c_str(), event.name, event.text);
+          complain(client.name + "/" + event.name + " was refused: " + event.text);
         }
         const auto object = client.objects.find(event.name);
         if (event.kind != FS_EVENT_EDITED || object == client.objects.end() || object->second.is_gone) continue;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "say.h"
+
 namespace bridge {
 namespace {
 
@@ -127,7 +129,7 @@ void Outgoing::fetch(const SceneRef& scene, std::vector<std::string> names) {
       } catch (const forceserver::Error& error) {
         if (error.status() == FS_ERROR_DISCONNECTED) break;
         // NOT_FOUND: it was removed meanwhile, which the next look sees.
-        if (error.status() != FS_ERROR_NOT_FOUND) std::fprintf(stderr, "forceserver-bridge: %s: %s\n", name.c_str(), error.what());
+        if (error.status() != FS_ERROR_NOT_FOUND) complain(name + ": " + error.what());
       }
     }
     return [this, fetched, generation] {

@@ -2,10 +2,10 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 #include "ros_messages.h"
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -99,7 +99,7 @@ void RosTopics::follow(const forceserver::Scene& scene, double) {
       sample = nullptr;
       if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
       if (status < 0 && !followed.is_missing_told) {
-        std::fprintf(stderr, "forceserver-bridge: --follow %s: %s\n", followed.object.c_str(), fs_last_error());
+        complain("--follow " + followed.object + ": " + fs_last_error());
       }
       followed.is_missing_told = status < 0;
     }

@@ -63,7 +63,7 @@ int run(char** endpoints) {
     const double angle = 2 * M_PI * (rock.get_time() - start) / 3;
     const fs_pose pose = {{0.05 * std::cos(angle), 0.05 * std::sin(angle), 0}, {1, 0, 0, 0}};
     rock.object_move("rock", pose, nullptr, FS_NOW);
-    if (i % 50 == 49) {
+    if (i % 45 == 44) {
       print("lab", rock);
       print("plant", wall);
       print("desk", desk);
