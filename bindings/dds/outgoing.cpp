@@ -250,7 +250,7 @@ bool Outgoing::write_objects() {
   }
   for (; !to_write_.empty() && pace_.allows(); to_write_.pop_front()) {
     const auto found = known_.find(to_write_.front());
-    if (found == known_.end()) continue;  // removed meanwhile
+    if (found == known_.end() || !found->second.is_queued) continue;  // removed meanwhile, or even set anew
     Known& known = found->second;
     if (!room_.objects.writer.write(known.sample)) return false;
     pace_.spend(object_bytes);
