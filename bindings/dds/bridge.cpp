@@ -120,6 +120,7 @@ void Bridge::open_mirror() {
   servo.slew_limit = -1;
   servo.delay = std::max(site->status.delay, 1e-9);
   servo.damping = site->status.damping > 0 ? site->status.damping : 0;
+  servo.max_stiffness = std::max(0.0, site->status.max_stiffness);
   servo.priority = -1;
   mirror_.servo = forceserver::Servo::start(mirror_.scene, mirror_.device, &servo);
   fs_server_options server = fs_server_options_init();
@@ -262,11 +263,13 @@ void Bridge::look_for_stop(double time) {
   for (; !stops_.empty(); stops_.pop_front()) {
     if (!room_.stops.writer.write(stops_.front())) return;
   }
-  if (mirror_.server && !is_on) follow_mirrored(time);
+  if (mirror_.server) follow_mirrored(time);
 }
 
-// A mirror's force returns when that of the device does.
+// A mirror's force returns when that of the device does. Its own faults, such as that of a machine that is too slow, harm nobody.
 void Bridge::follow_mirrored(double time) {
+  if (stats_.faults & ~uint32_t{FS_FAULT_DEVICE}) mirror_.servo.set_enabled(true);
+  if (is_force_on_) return;
   const RemoteSite* const site = incoming_.find(options_.mirrors);
   const bool is_on_there = site && site->is_known && site->status.enabled && site->status_time > stopped_ + 2;
   if (is_on_there && time > stopped_ + 2) mirror_.servo.set_enabled(true);
