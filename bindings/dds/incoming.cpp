@@ -151,12 +151,12 @@ void Incoming::take_motions(double now) {
     RemoteSite* const here = info.valid_data ? find(text_of(sample.site)) : nullptr;
     if (!here || !std::isfinite(sample.sent)) return;
     here->clock.note_arrival(sample.sent, now);
-    move(*here, sample);
+    move(*here, sample, now);
   });
 }
 
 // All moves of a sample that belong to one client are felt from one tick on.
-void Incoming::move(RemoteSite& site, const forceserver_Motions& sample) {
+void Incoming::move(RemoteSite& site, const forceserver_Motions& sample, double now) {
   std::map<RemoteClient*, std::vector<const forceserver_Moved*>> by_client;
   for (uint32_t i = 0; i < sample.moves._length; ++i) {
     const forceserver_Moved& moved = sample.moves._buffer[i];
@@ -167,7 +167,8 @@ void Incoming::move(RemoteSite& site, const forceserver_Motions& sample) {
     if (sample.session != object->second.sample.session || moved.revision <= object->second.motion_revision) continue;
     object->second.motion_revision = moved.revision;
     put_moved(object->second.sample, moved);
-    if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
+    if (now < object->second.held_until) client->second.due.insert(object->first);
+    else if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
   }
   for (const auto& [client, moves] : by_client) {
     try {
@@ -225,8 +226,6 @@ void Incoming::collect(RemoteSite& site, double now) {
 
 bool Incoming::connect(RemoteClient& client, double now) {
   if (client.scene) return true;
-  if (now < client.next_try) return false;
-  client.next_try = now + retry;
   try {
     client.scene = forceserver::Scene::connect(settings_.endpoint, client.name);
     client.is_view_due = client.view.has_value();
@@ -235,13 +234,14 @@ bool Incoming::connect(RemoteClient& client, double now) {
   } catch (const forceserver::Error& error) {
     if (!client.is_refused) complain("client " + client.name + ": " + error.what());
     client.is_refused = true;
+    client.next_try = now + retry;
     if (error.status() == FS_ERROR_NOT_FOUND) has_lost_server_ = true;
     return false;
   }
 }
 
 void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
-  if (client.due.empty() && !(client.is_view_due && client.scene)) return;
+  if (now < client.next_try || (client.due.empty() && !(client.is_view_due && client.scene))) return;
   const bool has_any = std::any_of(client.objects.begin(), client.objects.end(), [](const auto& o) { return !o.second.is_gone; });
   if (!client.scene && !has_any) {
     for (const std::string& name : client.due) client.objects.erase(name);
@@ -261,8 +261,9 @@ void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
       return;
     }
     complain("changes of " + client.name + ": " + error.what());
-    for (const std::string& name : due) client.due.insert(name);
+    client.due.insert(due.begin(), due.end());
     client.is_view_due = client.view.has_value();
+    client.next_try = now + retry;
   }
 }
 
@@ -314,6 +315,10 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const auto found = client.objects.find(name);
   if (found == client.objects.end()) return;
   RemoteObject& object = found->second;
+  if (now < object.held_until) {
+    client.due.insert(name);
+    return;
+  }
   if (object.is_gone) {
     const fs_status status = object.is_set ? fs_object_remove(client.scene.get(), name.c_str()) : FS_OK;
     if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
