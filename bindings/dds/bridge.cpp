@@ -281,19 +281,19 @@ void Bridge::take_stops(double time) {
     if (!info.valid_data || from == options_.site) return;
     forceserver_Answer answer{};
     put_text(answer.site, from);
-    put_text(answer.from, options_.site);
+    put_text(answer.answerer, options_.site);
     answer.number = sample.number;
     answer.is_stop = true;
-    answer.status = FS_ERROR_STATE;
+    answer.result = FS_ERROR_STATE;
     if (scene_) {
-      answer.status = fs_scene_stop_force(scene_->get());
-      if (answer.status == FS_OK) is_stopped_by_room_ = true;
-      if (answer.status < 0) put_text(answer.text, fs_last_error());
+      answer.result = fs_scene_stop_force(scene_->get());
+      if (answer.result == FS_OK) is_stopped_by_room_ = true;
+      if (answer.result < 0) put_text(answer.text, fs_last_error());
     } else {
       put_text(answer.text, "no server is running there");
     }
     say("site " + from + " stopped the force" + (*sample.client ? " (" + text_of(sample.client) + ")" : "") +
-        (answer.status < 0 ? "; here it goes on: " + text_of(answer.text) : ""));
+        (answer.result < 0 ? "; here it goes on: " + text_of(answer.text) : ""));
     answers_.push_back(answer);
   });
   for (; !answers_.empty(); answers_.pop_front()) {
@@ -306,8 +306,8 @@ void Bridge::take_answers(double time) {
   room_.answers.reader.take([&](const forceserver_Answer& sample, const dds_sample_info_t& info) {
     if (!info.valid_data || text_of(sample.site) != options_.site) return;
     if (!sample.is_stop) return edits_.take_answer(sample, time);
-    const std::string from = text_of(sample.from);
-    say(sample.status < 0 ? "site " + from + " did not stop: " + text_of(sample.text) : "site " + from + " has stopped");
+    const std::string from = text_of(sample.answerer);
+    say(sample.result < 0 ? "site " + from + " did not stop: " + text_of(sample.text) : "site " + from + " has stopped");
   });
 }
 
@@ -345,9 +345,9 @@ void Bridge::write_reports(double time) {
   std::erase_if(reports, [&](const fs_report& r) { return !std::isfinite(r.distance) || !std::strchr(r.name, '/'); });
   std::sort(reports.begin(), reports.end(), [&](const fs_report& a, const fs_report& b) { return strength(a) > strength(b); });
   if (reports.size() > 64) reports.resize(64);
-  std::vector<forceserver_Felt> felt;
+  std::vector<forceserver_Report> felt;
   for (const fs_report& report : reports) {
-    forceserver_Felt& out = felt.emplace_back();
+    forceserver_Report& out = felt.emplace_back();
     std::string client, object;
     split_name(report.name, client, object);
     put_text(out.client, client);
@@ -397,10 +397,10 @@ void Bridge::write_status(double time) {
   sample.motion_rate = outgoing_.motion_rate();
   sample.objects = outgoing_.objects();
   sample.digest = outgoing_.digest();
-  std::vector<forceserver_Held> held;
+  std::vector<forceserver_HeldObjects> held;
   for (const auto& [name, site] : incoming_.sites()) {
     if (held.size() == 64) break;
-    forceserver_Held& one = held.emplace_back();
+    forceserver_HeldObjects& one = held.emplace_back();
     put_text(one.site, name);
     one.objects = site.objects;
     one.digest = site.digest;

@@ -191,7 +191,7 @@ ContentsOfObject ContentsOfObject::of(const fs_object& object) {
   return {content_of(object.shape), content_of(object.surface), content_of(object.front.curve), content_of(object.back.curve)};
 }
 
-void ContentsOfObject::put_keys(forceserver_Object& out) const {
+void ContentsOfObject::put_keys(forceserver_ForceObject& out) const {
   const auto key = [](const ContentRef& content) { return content ? content->key : std::string(); };
   put_text(out.form, key(shape));
   put_text(out.finish, key(surface));

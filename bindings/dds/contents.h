@@ -33,7 +33,7 @@ struct ContentsOfObject {
   ContentRef shape, surface, front, back;
 
   static ContentsOfObject of(const fs_object& object);
-  void put_keys(forceserver_Object& out) const;
+  void put_keys(forceserver_ForceObject& out) const;
   void put_handles(fs_object& out) const;
 };
 

@@ -21,7 +21,7 @@ bool is_same(const T& a, const T& b) {  // of numbers without gaps
 }
 
 // The parts (fs_part) in which two objects differ. Times differ with every move, so they do not count.
-uint32_t differing(const forceserver_Object& a, const forceserver_Object& b) {
+uint32_t differing(const forceserver_ForceObject& a, const forceserver_ForceObject& b) {
   uint32_t out = 0;
   if (!is_same(a.place, b.place) || !is_same(a.motion, b.motion)) out |= FS_PART_POSE;
   if (!is_same(a.front, b.front) || !is_same(a.back, b.back) || a.damping != b.damping) out |= FS_PART_PROFILES;
@@ -61,7 +61,7 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
   put_text(sample.site, asked.site);
   put_text(sample.client, asked.client);
   put_text(sample.name, edit.object);
-  put_text(sample.from, site_);
+  put_text(sample.asker, site_);
   put_text(sample.editor, edit.editor);
   sample.number = ++number_;
   try {
@@ -69,7 +69,7 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
     const ContentsOfObject contents = ContentsOfObject::of(now_there);
     put_object(sample.wanted, now_there);
     contents.put_keys(sample.wanted);
-    forceserver_Object before{};
+    forceserver_ForceObject before{};
     put_object(before, incoming_.to_local(edit.site, object, edit.object));
     object.contents.put_keys(before);
     sample.parts = differing(sample.wanted, before);
@@ -123,8 +123,8 @@ void Edits::hold(const Asked& asked, double until) {
 void Edits::take_answer(const forceserver_Answer& answer, double now) {
   const auto found = asked_.find(answer.number);
   if (found == asked_.end()) return;
-  hold(found->second, answer.status < 0 ? now : now + echo);
-  if (answer.status < 0) {
+  hold(found->second, answer.result < 0 ? now : now + echo);
+  if (answer.result < 0) {
     undo(found->second, text_of(answer.text), now);
   } else {
     for (const std::string& key : found->second.contents) writer_.unuse(key, now);
@@ -149,7 +149,7 @@ void Edits::take(const forceserver::Scene& scene, double now) {
 }
 
 bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit, double now) {
-  const std::string client = text_of(edit.client), name = client + "/" + text_of(edit.name), from = text_of(edit.from);
+  const std::string client = text_of(edit.client), name = client + "/" + text_of(edit.name), from = text_of(edit.asker);
   if (client.find('@') != std::string::npos) {
     answer(edit, FS_ERROR_NOT_FOUND, "the object belongs to another site");
     return true;
@@ -217,10 +217,10 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
 
 void Edits::answer(const forceserver_Edit& edit, fs_status status, const std::string& text) {
   forceserver_Answer out{};
-  put_text(out.site, text_of(edit.from));
-  put_text(out.from, site_);
+  put_text(out.site, text_of(edit.asker));
+  put_text(out.answerer, site_);
   out.number = edit.number;
-  out.status = status;
+  out.result = status;
   put_text(out.text, text);
   to_answer_.push_back(out);
 }

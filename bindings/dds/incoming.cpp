@@ -99,21 +99,21 @@ void Incoming::take_clients(double now) {
 }
 
 void Incoming::take_objects(double now) {
-  room_.objects.reader.take([&](const forceserver_Object& sample, const dds_sample_info_t& info) {
+  room_.objects.reader.take([&](const forceserver_ForceObject& sample, const dds_sample_info_t& info) {
     const bool is_gone = info.instance_state != DDS_ALIVE_INSTANCE_STATE;
     const std::string name = text_of(sample.site);
     if (!is_site_name(name) || name == settings_.site || !(info.valid_data || is_gone)) return;
     if (is_gone && !sites_.count(name)) return;
     if (!sites_.count(name) && sites_.size() >= most_sites) return;
     if (info.valid_data) return take_object(sample, is_gone, now);
-    forceserver_Object key = sample;  // only the keys are there
+    forceserver_ForceObject key = sample;  // only the keys are there
     key.change_size = 1;
     key.revision = ~uint64_t{0};
     take_object(key, true, now);
   });
 }
 
-void Incoming::take_object(const forceserver_Object& sample, bool is_gone, double now) {
+void Incoming::take_object(const forceserver_ForceObject& sample, bool is_gone, double now) {
   RemoteSite& here = site(text_of(sample.site), now);
   const std::string client_name = text_of(sample.client), name = text_of(sample.name);
   if (!here.clients.count(client_name) && (is_gone || here.clients.size() >= most_clients)) return;
@@ -332,7 +332,7 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
     if (!content) is_whole = false;
     return content;
   };
-  const forceserver_Object& sample = object.sample;
+  const forceserver_ForceObject& sample = object.sample;
   ContentsOfObject contents{get(text_of(sample.form)), get(text_of(sample.finish)), get(text_of(sample.front.curve)),
                             get(text_of(sample.back.curve))};
   if (!is_whole) return;  // what it had stays, until its contents have come

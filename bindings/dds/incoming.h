@@ -16,7 +16,7 @@ namespace bridge {
 
 // An object of another site.
 struct RemoteObject {
-  forceserver_Object sample{};     // with the newest place
+  forceserver_ForceObject sample{};     // with the newest place
   ContentsOfObject contents;
   uint64_t object_revision = 0, motion_revision = 0;
   bool is_gone = false;            // it has to be removed
@@ -45,7 +45,7 @@ struct RemoteSite {
   forceserver_Status status{};     // without sequences
   double first_seen = 0;           // s
   double status_time = 0;          // s, when the newest Status came
-  forceserver_Held held{};         // what it has of this site
+  forceserver_HeldObjects held{};         // what it has of this site
   std::vector<std::string> wanted; // contents that it misses
   std::map<std::string, RemoteClient> clients;
   struct Change {
@@ -98,7 +98,7 @@ class Incoming {
   void take_objects(double now);
   void take_clients(double now);
   void take_motions(double now);
-  void take_object(const forceserver_Object& sample, bool is_gone, double now);
+  void take_object(const forceserver_ForceObject& sample, bool is_gone, double now);
   void lose(RemoteSite& site, const char* how);
   void collect(RemoteSite& site, double now);
   void apply(RemoteSite& site, RemoteClient& client, double now);

@@ -144,7 +144,7 @@ void Outgoing::keep(std::vector<Fetched>& fetched) {
     const auto found = known_.find(one.name);
     if (found == known_.end()) continue;
     Known& known = found->second;
-    forceserver_Object& sample = known.sample;
+    forceserver_ForceObject& sample = known.sample;
     const ContentsOfObject before = std::move(known.contents);
     known.contents = std::move(one.contents);
     for (const ContentRef& content : {known.contents.shape, known.contents.surface, known.contents.front, known.contents.back}) {

@@ -52,7 +52,7 @@ class Outgoing {
 
  private:
   struct Known {
-    forceserver_Object sample{};
+    forceserver_ForceObject sample{};
     ContentsOfObject contents;
     fs_motion motion{};             // the newest that was seen
     double touched = 0;             // s, when it was last changed or moved
@@ -98,7 +98,7 @@ class Outgoing {
   std::map<std::string, Known> known_;  // by "client/object"
   std::map<std::string, KnownClient> clients_;
   std::deque<std::string> to_write_;
-  std::deque<forceserver_Object> gone_;
+  std::deque<forceserver_ForceObject> gone_;
   std::deque<forceserver_ClientView> gone_clients_;
   Pace pace_{25e6 / 8, 256e3};
   double now_ = 0;

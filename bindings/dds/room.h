@@ -10,9 +10,9 @@ struct InRoom {
   static constexpr bool in_room = true;
 };
 template <>
-struct TopicOf<forceserver_Object> : InRoom {
+struct TopicOf<forceserver_ForceObject> : InRoom {
   static constexpr const char* name = "forceserver1/Object";
-  static constexpr const dds_topic_descriptor_t& type = forceserver_Object_desc;
+  static constexpr const dds_topic_descriptor_t& type = forceserver_ForceObject_desc;
   static constexpr Service service = Service::state;
 };
 template <>
@@ -101,7 +101,7 @@ struct Room {
         surfaces(participant), motions(participant), hands(participant), reports(participant), pings(participant),
         edits(participant), stops(participant), answers(participant) {}
   Channel<forceserver_Status> status;
-  Channel<forceserver_Object> objects;
+  Channel<forceserver_ForceObject> objects;
   Channel<forceserver_ClientView> clients;
   Channel<forceserver_Shape> shapes;
   Channel<forceserver_Curve> curves;

@@ -78,7 +78,7 @@ fs_pose to_c(const forceserver_Pose& pose) {
 }
 fs_twist to_c(const forceserver_Twist& twist) { return {to_c(twist.linear), to_c(twist.angular)}; }
 
-void put_object(forceserver_Object& out, const fs_object& object) {
+void put_object(forceserver_ForceObject& out, const fs_object& object) {
   out.primitive = object.primitive;
   out.place = to_sample(object.pose);
   out.motion = to_sample(object.twist);
@@ -93,7 +93,7 @@ void put_object(forceserver_Object& out, const fs_object& object) {
   out.enabled = object.enabled;
 }
 
-fs_object to_c(const forceserver_Object& sample, const std::string& name) {
+fs_object to_c(const forceserver_ForceObject& sample, const std::string& name) {
   fs_object out = fs_object_init(name.c_str(), to_enum<fs_primitive>(sample.primitive));
   out.pose = to_c(sample.place);
   if (sample.horizon > 0) out.twist = to_c(sample.motion);
@@ -112,7 +112,7 @@ fs_object to_c(const forceserver_Object& sample, const std::string& name) {
   return out;
 }
 
-forceserver_Moved to_moved(const forceserver_Object& object) {
+forceserver_Moved to_moved(const forceserver_ForceObject& object) {
   forceserver_Moved out{};
   put_text(out.client, object.client);
   put_text(out.name, object.name);
@@ -126,7 +126,7 @@ forceserver_Moved to_moved(const forceserver_Object& object) {
   return out;
 }
 
-void put_moved(forceserver_Object& out, const forceserver_Moved& moved) {
+void put_moved(forceserver_ForceObject& out, const forceserver_Moved& moved) {
   const float* const t = moved.twist;
   out.place = moved.place;
   out.motion = {{t[0], t[1], t[2]}, {t[3], t[4], t[5]}};

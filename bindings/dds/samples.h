@@ -37,12 +37,12 @@ fs_pose to_c(const forceserver_Pose& pose);
 fs_twist to_c(const forceserver_Twist& twist);
 
 // What an object is, but for its keys (site, client, name), its numbers, and the keys of its contents.
-void put_object(forceserver_Object& out, const fs_object& object);
+void put_object(forceserver_ForceObject& out, const fs_object& object);
 // The other way: without handles, and with the times of the sample.
-fs_object to_c(const forceserver_Object& sample, const std::string& name);
+fs_object to_c(const forceserver_ForceObject& sample, const std::string& name);
 
-forceserver_Moved to_moved(const forceserver_Object& object);  // where it is
-void put_moved(forceserver_Object& out, const forceserver_Moved& moved);
+forceserver_Moved to_moved(const forceserver_ForceObject& object);  // where it is
+void put_moved(forceserver_ForceObject& out, const forceserver_Moved& moved);
 
 void put_view(forceserver_ClientView& out, const fs_view& view);  // but for the points
 fs_frame frame_of(const forceserver_ClientView& view);

@@ -34,9 +34,9 @@ struct Foreign {
   }
 };
 
-forceserver_Object make_object(const char* name, fs_vec3 place) {
+forceserver_ForceObject make_object(const char* name, fs_vec3 place) {
   const fs_object spring = spring_at(name, place);
-  forceserver_Object out{};
+  forceserver_ForceObject out{};
   put_text(out.site, "rover");
   put_text(out.client, "sim");
   put_text(out.name, name);
@@ -68,7 +68,7 @@ START_TEST(another_program_publishes_objects) {
   EVENTUALLY(weight_of(viewer, "sim@rover/rock") == 1);
   // It moves it,
   for (int i = 1; i <= 20; ++i) {
-    forceserver_Object moved = make_object("rock", {0.03, 0.001 * i, 0});
+    forceserver_ForceObject moved = make_object("rock", {0.03, 0.001 * i, 0});
     moved.revision = 1 + static_cast<uint64_t>(i);
     std::vector<forceserver_Moved> moves = {bridge::to_moved(moved)};
     forceserver_Motions motions{};
@@ -88,7 +88,7 @@ START_TEST(another_program_publishes_objects) {
   shape.pieces = 1;
   shape.primitive = FS_PRIMITIVE_POLYLINE;
   bridge::lend(shape.points, points);
-  forceserver_Object line = make_object("line", {0, 0, 0.02});
+  forceserver_ForceObject line = make_object("line", {0, 0, 0.02});
   line.primitive = FS_PRIMITIVE_POLYLINE;
   put_text(line.form, "rover-line");
   ck_assert(foreign.room.objects.writer.write(line));
@@ -140,26 +140,26 @@ START_TEST(nonsense_is_left_out) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   int number = 0;
   const auto write = [&](auto change) {
-    forceserver_Object object = make_object(("bad" + std::to_string(++number)).c_str(), {0.03, 0, 0});
+    forceserver_ForceObject object = make_object(("bad" + std::to_string(++number)).c_str(), {0.03, 0, 0});
     change(object);
     ck_assert(foreign.room.objects.writer.write(object));
   };
-  write([&](forceserver_Object& o) { o.place.position.x = nan; });
-  write([&](forceserver_Object& o) { o.place.orientation.w = 3; });
-  write([&](forceserver_Object& o) { o.primitive = -1; });
-  write([&](forceserver_Object& o) { o.primitive = FS_PRIMITIVE_MESH; });  // without a shape
-  write([&](forceserver_Object& o) { o.front.kind = 77; });
-  write([&](forceserver_Object& o) { o.front.limit = -1; });
-  write([&](forceserver_Object& o) { o.start = nan; });
-  write([&](forceserver_Object& o) { o.damping = 1e300; });
-  write([&](forceserver_Object& o) { o.solid.keep = FS_KEEP_FRONT; });
-  write([&](forceserver_Object& o) { put_text(o.name, ""); });
-  write([&](forceserver_Object& o) { put_text(o.name, "a/b"); });
-  write([&](forceserver_Object& o) { put_text(o.name, "\n\x1b[2J"); });
-  write([&](forceserver_Object& o) { put_text(o.site, "NO SITE"); });
-  write([&](forceserver_Object& o) { put_text(o.site, "desk"); });  // that of somebody else
-  write([&](forceserver_Object& o) { put_text(o.form, "not there"); });
-  write([&](forceserver_Object& o) { o.front.kind = FS_PROFILE_CUSTOM, put_text(o.front.curve, "wrong"); });
+  write([&](forceserver_ForceObject& o) { o.place.position.x = nan; });
+  write([&](forceserver_ForceObject& o) { o.place.orientation.w = 3; });
+  write([&](forceserver_ForceObject& o) { o.primitive = -1; });
+  write([&](forceserver_ForceObject& o) { o.primitive = FS_PRIMITIVE_MESH; });  // without a shape
+  write([&](forceserver_ForceObject& o) { o.front.kind = 77; });
+  write([&](forceserver_ForceObject& o) { o.front.limit = -1; });
+  write([&](forceserver_ForceObject& o) { o.start = nan; });
+  write([&](forceserver_ForceObject& o) { o.damping = 1e300; });
+  write([&](forceserver_ForceObject& o) { o.solid.keep = FS_KEEP_FRONT; });
+  write([&](forceserver_ForceObject& o) { put_text(o.name, ""); });
+  write([&](forceserver_ForceObject& o) { put_text(o.name, "a/b"); });
+  write([&](forceserver_ForceObject& o) { put_text(o.name, "\n\x1b[2J"); });
+  write([&](forceserver_ForceObject& o) { put_text(o.site, "NO SITE"); });
+  write([&](forceserver_ForceObject& o) { put_text(o.site, "desk"); });  // that of somebody else
+  write([&](forceserver_ForceObject& o) { put_text(o.form, "not there"); });
+  write([&](forceserver_ForceObject& o) { o.front.kind = FS_PROFILE_CUSTOM, put_text(o.front.curve, "wrong"); });
   // Contents that make no sense.
   std::vector<forceserver_Vec3> points = {{0, 0, 0}, {0.02, 0, 0}, {0, 0.02, 0}};
   std::vector<uint32_t> triangles = {0, 1, 7};
@@ -189,7 +189,7 @@ START_TEST(nonsense_is_left_out) {
   put_text(edit.site, "desk");
   put_text(edit.client, "app");
   put_text(edit.name, "nobody");
-  put_text(edit.from, "rover");
+  put_text(edit.asker, "rover");
   edit.number = 1;
   edit.removes = true;
   ck_assert(foreign.room.edits.writer.write(edit));
@@ -202,7 +202,7 @@ START_TEST(nonsense_is_left_out) {
   int refused = 0;
   EVENTUALLY(([&] {
     foreign.room.answers.reader.take([&](const forceserver_Answer& answer, const dds_sample_info_t& info) {
-      if (info.valid_data && answer.status < 0 && *answer.text) ++refused;
+      if (info.valid_data && answer.result < 0 && *answer.text) ++refused;
     });
     return refused == 2;
   }()));
@@ -234,7 +234,7 @@ START_TEST(random_samples) {
   const auto name_it = [&](auto& text) {
     put_text(text, random.below(3) ? std::string(1, static_cast<char>('a' + random.below(6))) : std::string("\x01/@\xff"));
   };
-  const auto tame = [&](forceserver_Object& object) {
+  const auto tame = [&](forceserver_ForceObject& object) {
     for (auto* const text : {&object.form, &object.finish, &object.front.curve, &object.back.curve}) put_text(*text, random.below(2) ? "x" : "");
     object.enabled = random.below(2);
     name_it(object.client);
@@ -246,7 +246,7 @@ START_TEST(random_samples) {
   for (int i = 0; i < 20000; ++i) {
     switch (random.below(8)) {
       case 0: {
-        forceserver_Object object{};
+        forceserver_ForceObject object{};
         fill(object);
         tame(object);
         if (random.below(5)) foreign.room.objects.writer.write(object);
@@ -310,7 +310,7 @@ START_TEST(random_samples) {
         fill(edit);
         name_it(edit.client);
         name_it(edit.name);
-        put_text(edit.from, "rover");
+        put_text(edit.asker, "rover");
         put_text(edit.editor, "a");
         put_text(edit.wanted.site, "desk");
         tame(edit.wanted);
@@ -333,7 +333,7 @@ START_TEST(random_samples) {
     if (i % 100 == 0) wait_a_little(0.01);
   }
   ck_assert(foreign.room.objects.writer.write([] {
-    forceserver_Object object = make_object("rock", {0.03, 0, 0});
+    forceserver_ForceObject object = make_object("rock", {0.03, 0, 0});
     put_text(object.site, "other");
     return object;
   }()));
