@@ -71,7 +71,7 @@ void Bridge::turn() {
   incoming_.take(time);
   take_hands(time);
   take_pings(time);
-  take_stops(time);
+  take_stops();
   take_answers(time);
   if (!scene_) connect(time);
   if (scene_) {
@@ -103,7 +103,7 @@ void Bridge::look_at_server(double time) {
     write_reports(time);
   }
   look_for_stop(time);
-  if (ros_) ros_->follow(*scene_, time);
+  if (ros_) ros_->follow(*scene_);
 }
 
 // ------------------------------------------------------------------------------------------------------------ the server
@@ -275,7 +275,7 @@ void Bridge::follow_mirrored(double time) {
   if (is_on_there && time > stopped_ + 2) mirror_.servo.set_enabled(true);
 }
 
-void Bridge::take_stops(double time) {
+void Bridge::take_stops() {
   room_.stops.reader.take([&](const forceserver_Stop& sample, const dds_sample_info_t& info) {
     const std::string from = text_of(sample.site);
     if (!info.valid_data || from == options_.site) return;
@@ -299,7 +299,6 @@ void Bridge::take_stops(double time) {
   for (; !answers_.empty(); answers_.pop_front()) {
     if (!room_.answers.writer.write(answers_.front())) break;
   }
-  (void)time;
 }
 
 void Bridge::take_answers(double time) {
@@ -334,7 +333,6 @@ void Bridge::write_hand(double time) {
   sample.buttons = state.buttons;
   room_.hands.writer.write(sample);
   if (ros_) ros_->write(sample);
-  (void)time;
 }
 
 // Bridges do not read these reports, so where nobody else does they cost nothing.

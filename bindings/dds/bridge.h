@@ -53,7 +53,7 @@ class Bridge {
 
   void take_hands(double now);
   void take_pings(double now);
-  void take_stops(double now);
+  void take_stops();
   void take_answers(double now);
   void look_for_stop(double now);
   void follow_mirrored(double now);

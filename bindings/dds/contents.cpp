@@ -316,7 +316,7 @@ void ContentWriter::drop_unused(double now) {
 
 // ------------------------------------------------------------------------------------------------------------- reading
 
-void ContentReader::take(double) {
+void ContentReader::take() {
   room_.shapes.reader.take([&](const forceserver_Shape& sample, const dds_sample_info_t& info) {
     if (!info.valid_data) return;
     const std::string key = text_of(sample.content);

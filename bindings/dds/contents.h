@@ -75,7 +75,7 @@ class ContentReader {
  public:
   ContentReader(const Room& room, Worker& worker) : room_(room), worker_(worker) {}
 
-  void take(double now);
+  void take();
   ContentRef find(const std::string& key, double now);  // null: it has not come yet, and is wanted from now on
   uint64_t news() const noexcept { return news_; }      // grows when another one is here
   std::vector<std::string> wanted(double now) const;    // what has not come for 5 s; 16 at most

@@ -41,7 +41,7 @@ void Incoming::take(double now) {
   take_clients(now);
   take_objects(now);
   take_motions(now);
-  contents_.take(now);
+  contents_.take();
 }
 
 void Incoming::take_status(double now) {

@@ -84,7 +84,7 @@ void RosTopics::write(const forceserver_Hand& hand) {
   dds_write(impl_->joy.get(), &joy);
 }
 
-void RosTopics::follow(const forceserver::Scene& scene, double) {
+void RosTopics::follow(const forceserver::Scene& scene) {
   for (Impl::Followed& followed : impl_->followed) {
     void* sample = nullptr;
     dds_sample_info_t info;
