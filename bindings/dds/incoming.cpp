@@ -360,6 +360,11 @@ void Incoming::forget_server() {
   }
 }
 
+void Incoming::forget_sites() {
+  sites_.clear();
+  twin_ = 0;
+}
+
 void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
   for (auto& [site_name, site] : sites_) {
     for (auto& [client_name, client] : site.clients) {
