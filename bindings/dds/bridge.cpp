@@ -35,15 +35,20 @@ bool is_due(double& next, double now, double period) {
 }  // namespace
 
 Bridge::Bridge(const Options& options)
-    : options_(options), session_(make_session()), participant_(options.network), room_(participant_),
-      worker_([this] { participant_.wake(); }), contents_(room_, worker_), outgoing_(room_, worker_, options.site, session_),
-      incoming_(room_, contents_, {options.endpoint, options.site, options.frames}),
-      edits_(room_, incoming_, contents_, outgoing_.contents(), options.site) {
-  if (options.ros || !options.follow.empty()) ros_ = std::make_unique<RosTopics>(participant_, options.site, options.ros, options.follow);
+    : options_(options), session_(make_session()), participant_(options.network), room_(std::in_place, participant_),
+      worker_([this] { participant_.wake(); }), contents_(*room_, worker_), outgoing_(*room_, worker_, options.site, session_),
+      incoming_(*room_, contents_, {options.endpoint, options.site, options.frames}),
+      edits_(*room_, incoming_, contents_, outgoing_.contents(), options.site) {
+  open_ros();
   if (!options.mirrors.empty()) register_mirror();
 }
 
 Bridge::~Bridge() = default;
+
+void Bridge::open_ros() {
+  const bool is_used = options_.ros || !options_.follow.empty();
+  if (is_used) ros_ = std::make_unique<RosTopics>(participant_, options_.site, options_.ros, options_.follow);
+}
 
 double Bridge::now() const {
   double out;
@@ -91,6 +96,7 @@ void Bridge::turn() {
   write_ping(time);
   outgoing_.write(time);
   heal(time);
+  if (!options_.network.security.empty()) look_for_deaf_sites(time);
 }
 
 void Bridge::look_at_server(double time) {
@@ -181,7 +187,7 @@ bool Bridge::is_twin() {
 // ------------------------------------------------------------------------------------------------------------ time
 
 void Bridge::take_hands(double time) {
-  room_.hands.reader.take([&](const forceserver_Hand& sample, const dds_sample_info_t& info) {
+  room_->hands.reader.take([&](const forceserver_Hand& sample, const dds_sample_info_t& info) {
     RemoteSite* const site = info.valid_data && std::isfinite(sample.sent) ? incoming_.find(text_of(sample.site)) : nullptr;
     if (!site) return;
     site->clock.note_arrival(sample.sent, time);
@@ -190,7 +196,7 @@ void Bridge::take_hands(double time) {
 }
 
 void Bridge::take_pings(double time) {
-  room_.pings.reader.take([&](const forceserver_Ping& sample, const dds_sample_info_t& info) {
+  room_->pings.reader.take([&](const forceserver_Ping& sample, const dds_sample_info_t& info) {
     const std::string name = text_of(sample.site);
     RemoteSite* const site = info.valid_data && std::isfinite(sample.sent) ? incoming_.find(name) : nullptr;
     if (!site || name == options_.site) return;
@@ -227,7 +233,7 @@ void Bridge::write_ping(double time) {
   lend(sample.echoes, echoes);
   sent_pings_.emplace_back(sample.number, sample.sent);
   if (sent_pings_.size() > 32) sent_pings_.pop_front();
-  room_.pings.writer.write(sample);
+  room_->pings.writer.write(sample);
 }
 
 // ------------------------------------------------------------------------------------------------------------ stop
@@ -261,7 +267,7 @@ void Bridge::look_for_stop(double time) {
   if (is_on) is_stopped_by_room_ = false;
   is_force_on_ = is_on;
   for (; !stops_.empty(); stops_.pop_front()) {
-    if (!room_.stops.writer.write(stops_.front())) return;
+    if (!room_->stops.writer.write(stops_.front())) return;
   }
   if (mirror_.server) follow_mirrored(time);
 }
@@ -276,7 +282,7 @@ void Bridge::follow_mirrored(double time) {
 }
 
 void Bridge::take_stops() {
-  room_.stops.reader.take([&](const forceserver_Stop& sample, const dds_sample_info_t& info) {
+  room_->stops.reader.take([&](const forceserver_Stop& sample, const dds_sample_info_t& info) {
     const std::string from = text_of(sample.site);
     if (!info.valid_data || from == options_.site) return;
     forceserver_Answer answer{};
@@ -297,12 +303,12 @@ void Bridge::take_stops() {
     answers_.push_back(answer);
   });
   for (; !answers_.empty(); answers_.pop_front()) {
-    if (!room_.answers.writer.write(answers_.front())) break;
+    if (!room_->answers.writer.write(answers_.front())) break;
   }
 }
 
 void Bridge::take_answers(double time) {
-  room_.answers.reader.take([&](const forceserver_Answer& sample, const dds_sample_info_t& info) {
+  room_->answers.reader.take([&](const forceserver_Answer& sample, const dds_sample_info_t& info) {
     if (!info.valid_data || text_of(sample.site) != options_.site) return;
     if (!sample.is_stop) return edits_.take_answer(sample, time);
     const std::string from = text_of(sample.answerer);
@@ -331,13 +337,13 @@ void Bridge::write_hand(double time) {
   sample.torque = to_sample(sent.torque);
   sample.flags = state.flags;
   sample.buttons = state.buttons;
-  room_.hands.writer.write(sample);
+  room_->hands.writer.write(sample);
   if (ros_) ros_->write(sample);
 }
 
 // Bridges do not read these reports, so where nobody else does they cost nothing.
 void Bridge::write_reports(double time) {
-  if (!is_due(next_reports_, time, reports_period) || !room_.reports.has_readers()) return;
+  if (!is_due(next_reports_, time, reports_period) || !room_->reports.has_readers()) return;
   std::vector<fs_report> reports = scene_->get_reports();
   const auto strength = [](const fs_report& r) { return std::hypot(r.wrench.force.x, r.wrench.force.y, r.wrench.force.z); };
   std::erase_if(reports, [&](const fs_report& r) { return !std::isfinite(r.distance) || !std::strchr(r.name, '/'); });
@@ -362,7 +368,7 @@ void Bridge::write_reports(double time) {
   sample.number = ++report_number_;
   sample.sent = now();
   lend(sample.felt, felt);
-  room_.reports.write(sample);
+  room_->reports.write(sample);
 }
 
 void Bridge::write_status(double time) {
@@ -409,7 +415,7 @@ void Bridge::write_status(double time) {
   for (size_t i = 0; i < keys.size(); ++i) keys[i].copy(wanted[i].data(), 32);
   sample.wanted._buffer = reinterpret_cast<char(*)[33]>(wanted.data());
   sample.wanted._length = sample.wanted._maximum = static_cast<uint32_t>(wanted.size());
-  if (!room_.status.writer.write(sample)) next_status_ = time + 0.05;
+  if (!room_->status.writer.write(sample)) next_status_ = time + 0.05;
 }
 
 // After a lapse DDS may leave a site without what it had: what it says it holds is compared with what was written.
@@ -434,6 +440,48 @@ void Bridge::heal(double time) {
   }
 }
 
+// Where one way between two sites is gone for longer than the 10 s after which DDS gives a participant up, and the way back is not,
+// one site has given up the other, which has not noticed. With keys Cyclone DDS 0.10 never mends that: the one begins a handshake,
+// to which the other does not answer as it takes it for done. But it knows somebody new at once, so the other joins anew.
+void Bridge::look_for_deaf_sites(double time) {
+  constexpr double patience = 15;  // s: a site that has died is given up before
+  const bool is_silent = room_->status.reader.has_silent_writers();
+  if (!is_silent) silent_since_ = -1;
+  if (is_silent && silent_since_ < 0) silent_since_ = time;
+  // With a third site in the room what it says may come although it has given up this one.
+  std::erase_if(deaf_since_, [&](const auto& entry) { return !incoming_.find(entry.first); });
+  for (const auto& [name, site] : incoming_.sites()) {
+    if (!site.is_known || text_of(site.held.site) == options_.site) {
+      deaf_since_.erase(name);
+    } else {
+      deaf_since_.try_emplace(name, time);
+    }
+  }
+  const bool is_deaf = std::any_of(deaf_since_.begin(), deaf_since_.end(), [&](const auto& e) { return time - e.second > patience; });
+  if (silent_since_ < 0 && deaf_since_.empty()) join_wait_ = 30;
+  const bool is_given_up = is_deaf || (is_silent && time - silent_since_ > patience);
+  if (!is_given_up || time < next_join_) return;
+  next_join_ = time + join_wait_;
+  join_wait_ *= 2;
+  join_again();
+}
+
+// The objects of all sites fade here, and this one's there, until they have found each other again.
+void Bridge::join_again() {
+  say("another site does not hear this one any more: joins the room anew");
+  incoming_.forget_sites();
+  ros_.reset();
+  room_.reset();
+  participant_.join_again();
+  room_.emplace(participant_);
+  open_ros();
+  outgoing_.write_again();
+  outgoing_.contents().write_all_again();
+  deaf_since_.clear();
+  silent_since_ = -1;
+  next_status_ = 0;
+}
+
 // Takes everything back, so that it fades at once and not when the lease is over.
 void Bridge::leave() {
   outgoing_.forget(now());
@@ -444,7 +492,7 @@ void Bridge::leave() {
   forceserver_Status sample{};
   put_text(sample.site, options_.site);
   sample.session = session_;
-  room_.status.writer.dispose(sample);
+  room_->status.writer.dispose(sample);
   participant_.wait_for_readers(0.5);
 }
 

@@ -316,7 +316,8 @@ void ContentWriter::drop_unused(double now) {
 
 // ------------------------------------------------------------------------------------------------------------- reading
 
-void ContentReader::take() {
+void ContentReader::take(double now) {
+  now_ = now;
   room_.shapes.reader.take([&](const forceserver_Shape& sample, const dds_sample_info_t& info) {
     if (!info.valid_data) return;
     const std::string key = text_of(sample.content);
@@ -375,6 +376,9 @@ ContentReader::PartsRef ContentReader::open(Kind kind, const std::string& key, u
 
 void ContentReader::close(Kind kind, const std::string& key, const PartsRef& parts, uint32_t piece) {
   parts->has[piece] = true;
+  // It is on its way: were it written again now, that would replace what DDS is still sending, and it would begin anew.
+  const auto wanted = wanted_.find(key);
+  if (wanted != wanted_.end()) wanted->second = now_;
   if (++parts->received < parts->pieces) return;
   parts->is_being_made = true;
   worker_.start([this, kind, key, parts]() -> Worker::Done {

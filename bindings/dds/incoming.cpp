@@ -41,7 +41,7 @@ void Incoming::take(double now) {
   take_clients(now);
   take_objects(now);
   take_motions(now);
-  contents_.take();
+  contents_.take(now);
 }
 
 void Incoming::take_status(double now) {
@@ -362,6 +362,11 @@ void Incoming::forget_server() {
       }
     }
   }
+}
+
+void Incoming::forget_sites() {
+  sites_.clear();
+  twin_ = 0;
 }
 
 void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {

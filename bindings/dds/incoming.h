@@ -80,6 +80,7 @@ class Incoming {
   void take(double now);   // the samples that have come
   void apply(double now);  // what is due, at the server
   void forget_server();    // it is gone: all has to be set again
+  void forget_sites();     // their objects fade
   void set_device(const fs_device_info& device) { device_ = device; }
 
   std::map<std::string, RemoteSite>& sites() noexcept { return sites_; }
