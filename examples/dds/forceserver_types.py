@@ -232,7 +232,7 @@ class Status(IdlStruct, typename="forceserver.Status"):
 
 @dataclass
 @final
-class Wanted(IdlStruct, typename="forceserver.Wanted"):
+class EditedObject(IdlStruct, typename="forceserver.EditedObject"):
     primitive: int32 = 0
     place: Pose = made(Pose)
     motion: Twist = made(Twist)
@@ -261,7 +261,7 @@ class Edit(IdlStruct, typename="forceserver.Edit"):
     number: uint64 = 0
     removes: bool = False
     parts: uint32 = 0
-    wanted: Wanted = made(Wanted)
+    wanted: EditedObject = made(EditedObject)
 
 
 @dataclass

@@ -15,8 +15,8 @@ from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from forceserver_types import (Answer, Contact, Curve, Edit, ForceObject, Hand, Motions, Moved, Pose, Profile, Reports, Shape,
-                               Status, Twist, Vec3, Wanted)
+from forceserver_types import (Answer, Contact, Curve, Edit, EditedObject, ForceObject, Hand, Motions, Moved, Pose, Profile, Reports, Shape,
+                               Status, Twist, Vec3)
 
 MESH, CUSTOM, REPULSIVE, KEEP_FRONT, PART_POSE = 3, 7, 1, 1, 1  # fs_primitive, fs_profile_kind, fs_sense, fs_keep, fs_part
 
@@ -106,7 +106,7 @@ def main():
     curves.write(curve)
     objects.write(rock)
 
-    to_edit, known = options.edit, set()
+    known, to_edit = set(), None
     for number in range(1, 1 << 62):
         time.sleep(0.04)  # 25 times a second
         now = time.monotonic()
@@ -121,12 +121,15 @@ def main():
                 print(f"site {site} is here with {sample.device}, {sample.force_max:.1f} N")
             known.add(site)
         for theirs in others.take(64):
-            # What of `wanted` counts is told by `parts`.
-            if theirs.sample_info.valid_data and to_edit == f"{theirs.site}:{theirs.client}/{theirs.name}":
-                theirs.place.position.y += 0.01
-                edits.write(Edit(theirs.site, theirs.client, theirs.name, asker=options.site, editor=rock.client, number=1,
-                                 parts=PART_POSE, wanted=Wanted(place=theirs.place)))
-                to_edit = None
+            if theirs.sample_info.valid_data and options.edit == f"{theirs.site}:{theirs.client}/{theirs.name}":
+                to_edit, options.edit = theirs, None
+        # Nobody hears a request who has not been found yet.
+        if to_edit and edits.get_matched_subscriptions() and answers.get_matched_publications():
+            wanted = EditedObject(place=to_edit.place)  # what of it counts is told by `parts`
+            wanted.place.position.y += 0.01
+            edits.write(Edit(to_edit.site, to_edit.client, to_edit.name, asker=options.site, editor=rock.client, number=1,
+                             parts=PART_POSE, wanted=wanted))
+            to_edit = None
         for answer in answers.take(64):
             if answer.sample_info.valid_data and answer.site == options.site:
                 print(f"site {answer.answerer} answers the edit: {answer.text or 'done'}")
