@@ -194,7 +194,7 @@ int run(uint32_t domain, const char* room) {
       for (const Report& felt : s.felt()) std::printf("felt %s/%s %.2f\n", felt.client().c_str(), felt.name().c_str(), felt.force().x());
     });
     take<geometry_msgs::msg::dds_::PoseStamped_>(pose, [](auto& s) {
-      std::printf("pose %s %.4f %.1f %d\n", s.header().frame_id().c_str(), s.pose().position().x(), s.pose().orientation().w(),
+      std::printf("pose %s %.1f %d\n", s.header().frame_id().c_str(), s.pose().orientation().w(),
                   std::abs(s.header().stamp().sec() - std::time(nullptr)) <= 1);
     });
     take<geometry_msgs::msg::dds_::TwistStamped_>(twist, [](auto& s) {

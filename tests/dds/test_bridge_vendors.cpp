@@ -122,13 +122,13 @@ START_TEST(fast_dds) {
   {
     const Process program({std::getenv("FAST_DDS"), name.domain, name.room});
     // The topics of ROS.
-    SAYS(program, "pose forceserver/desk 0.0000 1.0 1\n");
+    SAYS(program, "pose forceserver/desk 1.0 1\n");
     SAYS(program, "twist forceserver/desk ");
     SAYS(program, "buttons forceserver/desk 0 8 0\n");
     ck_assert_msg(eventually([&] { return goes_to_goal(app); }), "the spring stays; the bridge said:\n%s", end_of(desk.bridge).c_str());
     // It reads what a room tells,
     SAYS(program, "status desk FIDEL (simulated) 25.0\n");
-    SAYS(program, "hand desk 0.0000 ");
+    SAYS(program, "hand desk ");
     // and publishes objects.
     const std::string rock = "cpp@fast/rock", mast = "cpp@fast/mast";
     ck_assert_msg(eventually([&] { return weight_of(viewer, rock) == 1 && weight_of(viewer, mast) == 1; }), "no objects; it said:\n%s\n%s",
