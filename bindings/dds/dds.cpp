@@ -91,7 +91,7 @@ Qos Participant::qos_of(Service service, bool is_reader) const {
   if (service == Service::request) {
     dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
   } else {
-    dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+    dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, service == Service::ros ? 10 : 1);
   }
   if (service == Service::state && !is_reader) {
     dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(settings_.lease * 1e9));

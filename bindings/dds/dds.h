@@ -39,6 +39,7 @@ enum class Service {
   state,    // RELIABLE, TRANSIENT_LOCAL, KEEP_LAST 1: who comes later gets what is. With a liveliness lease
   stream,   // BEST_EFFORT, KEEP_LAST 1
   request,  // RELIABLE, VOLATILE, KEEP_ALL
+  ros,      // RELIABLE, VOLATILE, KEEP_LAST 10: the default of ROS 2
 };
 
 // Of a topic's struct: its name, description and service.

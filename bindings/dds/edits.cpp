@@ -34,6 +34,25 @@ uint32_t differing(const forceserver_ForceObject& a, const forceserver_ForceObje
   return out;
 }
 
+// What both have; `wanted` has no key, since not all vendors describe a type with keys in the same way within another one.
+template <class From, class To>
+void copy_wanted(const From& from, To& to) {
+  to.primitive = from.primitive;
+  to.place = from.place;
+  to.motion = from.motion;
+  to.time = from.time;
+  to.start = from.start;
+  to.horizon = from.horizon;
+  to.front = from.front;
+  to.back = from.back;
+  to.damping = from.damping;
+  to.solid = from.solid;
+  put_text(to.form, from.form);
+  put_text(to.finish, from.finish);
+  to.tool_points = from.tool_points;
+  to.enabled = from.enabled;
+}
+
 }  // namespace
 
 void Edits::ask(double now) {
@@ -66,19 +85,21 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
   sample.number = ++number_;
   try {
     const forceserver::Object now_there = edit.client.scene.object_get(edit.object);
+    forceserver_ForceObject wanted{};
     const ContentsOfObject contents = ContentsOfObject::of(now_there);
-    put_object(sample.wanted, now_there);
-    contents.put_keys(sample.wanted);
+    put_object(wanted, now_there);
+    contents.put_keys(wanted);
     forceserver_ForceObject before{};
     put_object(before, incoming_.to_local(edit.site, object, edit.object));
     object.contents.put_keys(before);
-    sample.parts = differing(sample.wanted, before);
+    sample.parts = differing(wanted, before);
     if (sample.parts == 0) return;
-    sample.wanted.time = edit.site.clock.to_theirs(sample.wanted.time);
-    sample.wanted.start = edit.site.clock.to_theirs(sample.wanted.start);
-    const auto& motion = sample.wanted.motion;
+    wanted.time = edit.site.clock.to_theirs(wanted.time);
+    wanted.start = edit.site.clock.to_theirs(wanted.start);
+    const auto& motion = wanted.motion;
     const bool stands = is_same(motion, forceserver_Twist{});
-    sample.wanted.horizon = stands ? 0 : 0.1;
+    wanted.horizon = stands ? 0 : 0.1;
+    copy_wanted(wanted, sample.wanted);
     for (const ContentRef& content : {contents.shape, contents.surface, contents.front, contents.back}) {
       if (!content) continue;
       writer_.use(content);
@@ -166,7 +187,9 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       scene->object_remove(name);
     } else {
       forceserver::Object object = scene->object_get(name);
-      const fs_object wanted = to_c(edit.wanted, "");
+      forceserver_ForceObject asked{};
+      copy_wanted(edit.wanted, asked);
+      const fs_object wanted = to_c(asked, "");
       bool is_whole = true;
       const auto get = [&](const auto& key) -> ContentRef {
         ContentRef content = *key ? contents_.find(text_of(key), now) : nullptr;
@@ -177,18 +200,18 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       fs_object change = object;
       ContentsOfObject contents;
       if (edit.parts & FS_PART_SHAPE) {
-        contents.shape = get(edit.wanted.form);
+        contents.shape = get(asked.form);
         change.primitive = wanted.primitive;
         change.shape = contents.shape ? contents.shape->shape.get() : nullptr;
       }
       if (edit.parts & FS_PART_CONTACT) {
-        contents.surface = get(edit.wanted.finish);
+        contents.surface = get(asked.finish);
         change.contact = wanted.contact;
         change.surface = contents.surface ? contents.surface->surface.get() : nullptr;
       }
       if (edit.parts & FS_PART_PROFILES) {
-        contents.front = get(edit.wanted.front.curve);
-        contents.back = get(edit.wanted.back.curve);
+        contents.front = get(asked.front.curve);
+        contents.back = get(asked.back.curve);
         change.front = wanted.front;
         change.back = wanted.back;
         change.damping = wanted.damping;
@@ -202,7 +225,7 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       if (edit.parts & FS_PART_POSE) {
         change.pose = wanted.pose;
         change.twist = wanted.twist;
-        change.time = edit.wanted.horizon > 0 && site ? site->clock.to_ours(wanted.time) : FS_NOW;
+        change.time = asked.horizon > 0 && site ? site->clock.to_ours(wanted.time) : FS_NOW;
       }
       if (!is_whole) return false;
       scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));

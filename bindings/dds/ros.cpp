@@ -24,9 +24,21 @@ builtin_interfaces_msg_dds__Time_ stamp() {
 
 geometry_msgs_msg_dds__Vector3_ to_ros(const forceserver_Vec3& v) { return {v.x, v.y, v.z}; }
 
-// A topic of ROS: RELIABLE and VOLATILE as those of its nodes are by default, in the default partition.
+// Nodes of ROS know types by their names: how their fields are described differs between the versions of ROS. Where no
+// description is sent, none is compared.
+dds_topic_descriptor_t by_name(const dds_topic_descriptor_t& type) {
+  const uint32_t flags = type.m_flagset & ~static_cast<uint32_t>(DDS_TOPIC_XTYPES_METADATA);
+  return {type.m_size, type.m_align, flags, type.m_nkeys, type.m_typename, type.m_keys, type.m_nops, type.m_ops, type.m_meta, {}, {},
+          type.restrict_data_representation};
+}
+
+// Topics of ROS are in the default partition.
 Entity make_writer(const Participant& participant, const std::string& topic, const dds_topic_descriptor_t& type) {
-  return participant.make_writer("rt" + topic, type, Service::request, false);
+  return participant.make_writer("rt" + topic, by_name(type), Service::ros, false);
+}
+// Who publishes may do so with any service: a BEST_EFFORT reader takes all.
+Entity make_reader(const Participant& participant, const std::string& topic, const dds_topic_descriptor_t& type) {
+  return participant.make_reader("rt" + topic, by_name(type), Service::stream, false);
 }
 
 }  // namespace
@@ -59,8 +71,7 @@ RosTopics::RosTopics(const Participant& participant, const std::string& site, bo
     impl_->joy = make_writer(participant, prefix + "buttons", sensor_msgs_msg_dds__Joy__desc);
   }
   for (const auto& [object, topic] : follow) {
-    impl_->followed.push_back(
-        {object, participant.make_reader("rt" + topic, geometry_msgs_msg_dds__PoseStamped__desc, Service::stream, false)});
+    impl_->followed.push_back({object, make_reader(participant, topic, geometry_msgs_msg_dds__PoseStamped__desc)});
   }
 }
 

@@ -197,7 +197,7 @@ START_TEST(nonsense_is_left_out) {
   edit.number = 2;
   edit.removes = false;
   edit.parts = ~0u;
-  edit.wanted = make_object("spring", {nan, nan, nan});
+  edit.wanted.place = {{nan, nan, nan}, {1, 0, 0, 0}};
   ck_assert(foreign.room.edits.writer.write(edit));
   int refused = 0;
   EVENTUALLY(([&] {
@@ -312,8 +312,8 @@ START_TEST(random_samples) {
         name_it(edit.name);
         put_text(edit.asker, "rover");
         put_text(edit.editor, "a");
-        put_text(edit.wanted.site, "desk");
-        tame(edit.wanted);
+        for (auto* const text : {&edit.wanted.form, &edit.wanted.finish, &edit.wanted.front.curve, &edit.wanted.back.curve}) put_text(*text, "x");
+        edit.wanted.enabled = random.below(2);
         edit.removes = random.below(2);
         foreign.room.edits.writer.write(edit);
         break;
