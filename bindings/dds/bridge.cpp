@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 
 #include "mirror.h"
 #include "ros.h"
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -32,23 +32,23 @@ bool is_due(double& next, double now, double period) {
   return true;
 }
 
-void say(const std::string& text) {
-  std::printf("%s\n", text.c_str());
-  std::fflush(stdout);
-}
-
 }  // namespace
 
 Bridge::Bridge(const Options& options)
-    : options_(options), session_(make_session()), participant_(options.network), room_(participant_),
-      worker_([this] { participant_.wake(); }), contents_(room_, worker_), outgoing_(room_, worker_, options.site, session_),
-      incoming_(room_, contents_, {options.endpoint, options.site, options.frames}),
-      edits_(room_, incoming_, contents_, outgoing_.contents(), options.site) {
-  if (options.ros || !options.follow.empty()) ros_ = std::make_unique<RosTopics>(participant_, options.site, options.ros, options.follow);
+    : options_(options), session_(make_session()), participant_(options.network), room_(std::in_place, participant_),
+      worker_([this] { participant_.wake(); }), contents_(*room_, worker_), outgoing_(*room_, worker_, options.site, session_),
+      incoming_(*room_, contents_, {options.endpoint, options.site, options.frames}),
+      edits_(*room_, incoming_, contents_, outgoing_.contents(), options.site) {
+  open_ros();
   if (!options.mirrors.empty()) register_mirror();
 }
 
 Bridge::~Bridge() = default;
+
+void Bridge::open_ros() {
+  const bool is_used = options_.ros || !options_.follow.empty();
+  if (is_used) ros_ = std::make_unique<RosTopics>(participant_, options_.site, options_.ros, options_.follow);
+}
 
 double Bridge::now() const {
   double out;
@@ -76,7 +76,7 @@ void Bridge::turn() {
   incoming_.take(time);
   take_hands(time);
   take_pings(time);
-  take_stops(time);
+  take_stops();
   take_answers(time);
   if (!scene_) connect(time);
   if (scene_) {
@@ -86,7 +86,7 @@ void Bridge::turn() {
       if (error.status() == FS_ERROR_DISCONNECTED) {
         lose_server(time);
       } else if (error.status() != FS_ERROR_TIMEOUT) {
-        std::fprintf(stderr, "forceserver-bridge: %s\n", error.what());
+        complain(error.what());
       }
     }
     time = now();
@@ -96,6 +96,7 @@ void Bridge::turn() {
   write_ping(time);
   outgoing_.write(time);
   heal(time);
+  if (!options_.network.security.empty()) look_for_deaf_sites(time);
 }
 
 void Bridge::look_at_server(double time) {
@@ -108,7 +109,7 @@ void Bridge::look_at_server(double time) {
     write_reports(time);
   }
   look_for_stop(time);
-  if (ros_) ros_->follow(*scene_, time);
+  if (ros_) ros_->follow(*scene_);
 }
 
 // ------------------------------------------------------------------------------------------------------------ the server
@@ -125,6 +126,7 @@ void Bridge::open_mirror() {
   servo.slew_limit = -1;
   servo.delay = std::max(site->status.delay, 1e-9);
   servo.damping = site->status.damping > 0 ? site->status.damping : 0;
+  servo.max_stiffness = std::max(0.0, site->status.max_stiffness);
   servo.priority = -1;
   mirror_.servo = forceserver::Servo::start(mirror_.scene, mirror_.device, &servo);
   fs_server_options server = fs_server_options_init();
@@ -154,7 +156,7 @@ void Bridge::connect(double time) {
   } catch (const forceserver::Error& error) {
     const std::string what = error.what();
     if (what != trouble_) {
-      std::fprintf(stderr, "forceserver-bridge: %s; it is tried again and again\n", what.c_str());
+      complain(what + "; it is tried again and again");
       trouble_ = what;
     }
   }
@@ -174,11 +176,10 @@ bool Bridge::is_twin() {
   const uint64_t twin = incoming_.twin();
   if (twin == 0) return has_twin_told_ = false;
   if (twin < session_) {
-    std::fprintf(stderr, "forceserver-bridge: there is a site %s in the room already; give this one another name (--site)\n",
-                 options_.site.c_str());
+    complain("there is a site " + options_.site + " in the room already; give this one another name (--site)");
     return true;
   }
-  if (!has_twin_told_) std::fprintf(stderr, "forceserver-bridge: another bridge with the name of site %s has started, and will end\n", options_.site.c_str());
+  if (!has_twin_told_) complain("another bridge with the name of site " + options_.site + " has started, and will end");
   has_twin_told_ = true;
   return false;
 }
@@ -186,7 +187,7 @@ bool Bridge::is_twin() {
 // ------------------------------------------------------------------------------------------------------------ time
 
 void Bridge::take_hands(double time) {
-  room_.hands.reader.take([&](const forceserver_Hand& sample, const dds_sample_info_t& info) {
+  room_->hands.reader.take([&](const forceserver_Hand& sample, const dds_sample_info_t& info) {
     RemoteSite* const site = info.valid_data && std::isfinite(sample.sent) ? incoming_.find(text_of(sample.site)) : nullptr;
     if (!site) return;
     site->clock.note_arrival(sample.sent, time);
@@ -195,7 +196,7 @@ void Bridge::take_hands(double time) {
 }
 
 void Bridge::take_pings(double time) {
-  room_.pings.reader.take([&](const forceserver_Ping& sample, const dds_sample_info_t& info) {
+  room_->pings.reader.take([&](const forceserver_Ping& sample, const dds_sample_info_t& info) {
     const std::string name = text_of(sample.site);
     RemoteSite* const site = info.valid_data && std::isfinite(sample.sent) ? incoming_.find(name) : nullptr;
     if (!site || name == options_.site) return;
@@ -232,7 +233,7 @@ void Bridge::write_ping(double time) {
   lend(sample.echoes, echoes);
   sent_pings_.emplace_back(sample.number, sample.sent);
   if (sent_pings_.size() > 32) sent_pings_.pop_front();
-  room_.pings.writer.write(sample);
+  room_->pings.writer.write(sample);
 }
 
 // ------------------------------------------------------------------------------------------------------------ stop
@@ -266,20 +267,22 @@ void Bridge::look_for_stop(double time) {
   if (is_on) is_stopped_by_room_ = false;
   is_force_on_ = is_on;
   for (; !stops_.empty(); stops_.pop_front()) {
-    if (!room_.stops.writer.write(stops_.front())) return;
+    if (!room_->stops.writer.write(stops_.front())) return;
   }
-  if (mirror_.server && !is_on) follow_mirrored(time);
+  if (mirror_.server) follow_mirrored(time);
 }
 
-// A mirror's force returns when that of the device does.
+// A mirror's force returns when that of the device does. Its own faults, such as that of a machine that is too slow, harm nobody.
 void Bridge::follow_mirrored(double time) {
+  if (stats_.faults & ~uint32_t{FS_FAULT_DEVICE}) mirror_.servo.set_enabled(true);
+  if (is_force_on_) return;
   const RemoteSite* const site = incoming_.find(options_.mirrors);
   const bool is_on_there = site && site->is_known && site->status.enabled && site->status_time > stopped_ + 2;
   if (is_on_there && time > stopped_ + 2) mirror_.servo.set_enabled(true);
 }
 
-void Bridge::take_stops(double time) {
-  room_.stops.reader.take([&](const forceserver_Stop& sample, const dds_sample_info_t& info) {
+void Bridge::take_stops() {
+  room_->stops.reader.take([&](const forceserver_Stop& sample, const dds_sample_info_t& info) {
     const std::string from = text_of(sample.site);
     if (!info.valid_data || from == options_.site) return;
     forceserver_Answer answer{};
@@ -300,13 +303,12 @@ void Bridge::take_stops(double time) {
     answers_.push_back(answer);
   });
   for (; !answers_.empty(); answers_.pop_front()) {
-    if (!room_.answers.writer.write(answers_.front())) break;
+    if (!room_->answers.writer.write(answers_.front())) break;
   }
-  (void)time;
 }
 
 void Bridge::take_answers(double time) {
-  room_.answers.reader.take([&](const forceserver_Answer& sample, const dds_sample_info_t& info) {
+  room_->answers.reader.take([&](const forceserver_Answer& sample, const dds_sample_info_t& info) {
     if (!info.valid_data || text_of(sample.site) != options_.site) return;
     if (!sample.is_stop) return edits_.take_answer(sample, time);
     const std::string from = text_of(sample.answerer);
@@ -335,14 +337,13 @@ void Bridge::write_hand(double time) {
   sample.torque = to_sample(sent.torque);
   sample.flags = state.flags;
   sample.buttons = state.buttons;
-  room_.hands.writer.write(sample);
+  room_->hands.writer.write(sample);
   if (ros_) ros_->write(sample);
-  (void)time;
 }
 
 // Bridges do not read these reports, so where nobody else does they cost nothing.
 void Bridge::write_reports(double time) {
-  if (!is_due(next_reports_, time, reports_period) || !room_.reports.has_readers()) return;
+  if (!is_due(next_reports_, time, reports_period) || !room_->reports.has_readers()) return;
   std::vector<fs_report> reports = scene_->get_reports();
   const auto strength = [](const fs_report& r) { return std::hypot(r.wrench.force.x, r.wrench.force.y, r.wrench.force.z); };
   std::erase_if(reports, [&](const fs_report& r) { return !std::isfinite(r.distance) || !std::strchr(r.name, '/'); });
@@ -367,7 +368,7 @@ void Bridge::write_reports(double time) {
   sample.number = ++report_number_;
   sample.sent = now();
   lend(sample.felt, felt);
-  room_.reports.write(sample);
+  room_->reports.write(sample);
 }
 
 void Bridge::write_status(double time) {
@@ -414,7 +415,7 @@ void Bridge::write_status(double time) {
   for (size_t i = 0; i < keys.size(); ++i) keys[i].copy(wanted[i].data(), 32);
   sample.wanted._buffer = reinterpret_cast<char(*)[33]>(wanted.data());
   sample.wanted._length = sample.wanted._maximum = static_cast<uint32_t>(wanted.size());
-  if (!room_.status.writer.write(sample)) next_status_ = time + 0.05;
+  if (!room_->status.writer.write(sample)) next_status_ = time + 0.05;
 }
 
 // After a lapse DDS may leave a site without what it had: what it says it holds is compared with what was written.
@@ -439,6 +440,48 @@ void Bridge::heal(double time) {
   }
 }
 
+// Where one way between two sites is gone for longer than the 10 s after which DDS gives a participant up, and the way back is not,
+// one site has given up the other, which has not noticed. With keys Cyclone DDS 0.10 never mends that: the one begins a handshake,
+// to which the other does not answer as it takes it for done. But it knows somebody new at once, so the other joins anew.
+void Bridge::look_for_deaf_sites(double time) {
+  constexpr double patience = 15;  // s: a site that has died is given up before
+  const bool is_silent = room_->status.reader.has_silent_writers();
+  if (!is_silent) silent_since_ = -1;
+  if (is_silent && silent_since_ < 0) silent_since_ = time;
+  // With a third site in the room what it says may come although it has given up this one.
+  std::erase_if(deaf_since_, [&](const auto& entry) { return !incoming_.find(entry.first); });
+  for (const auto& [name, site] : incoming_.sites()) {
+    if (!site.is_known || text_of(site.held.site) == options_.site) {
+      deaf_since_.erase(name);
+    } else {
+      deaf_since_.try_emplace(name, time);
+    }
+  }
+  const bool is_deaf = std::any_of(deaf_since_.begin(), deaf_since_.end(), [&](const auto& e) { return time - e.second > patience; });
+  if (silent_since_ < 0 && deaf_since_.empty()) join_wait_ = 30;
+  const bool is_given_up = is_deaf || (is_silent && time - silent_since_ > patience);
+  if (!is_given_up || time < next_join_) return;
+  next_join_ = time + join_wait_;
+  join_wait_ *= 2;
+  join_again();
+}
+
+// The objects of all sites fade here, and this one's there, until they have found each other again.
+void Bridge::join_again() {
+  say("another site does not hear this one any more: joins the room anew");
+  incoming_.forget_sites();
+  ros_.reset();
+  room_.reset();
+  participant_.join_again();
+  room_.emplace(participant_);
+  open_ros();
+  outgoing_.write_again();
+  outgoing_.contents().write_all_again();
+  deaf_since_.clear();
+  silent_since_ = -1;
+  next_status_ = 0;
+}
+
 // Takes everything back, so that it fades at once and not when the lease is over.
 void Bridge::leave() {
   outgoing_.forget(now());
@@ -449,8 +492,8 @@ void Bridge::leave() {
   forceserver_Status sample{};
   put_text(sample.site, options_.site);
   sample.session = session_;
-  room_.status.writer.dispose(sample);
-  usleep(50000);  // for the last samples
+  room_->status.writer.dispose(sample);
+  participant_.wait_for_readers(0.5);
 }
 
 }  // namespace bridge

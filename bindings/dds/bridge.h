@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "edits.h"
@@ -44,6 +45,7 @@ class Bridge {
 
  private:
   double now() const;  // s, on this site's clock
+  void open_ros();
   void turn();
   void look_at_server(double now);
   void open_mirror();
@@ -53,7 +55,7 @@ class Bridge {
 
   void take_hands(double now);
   void take_pings(double now);
-  void take_stops(double now);
+  void take_stops();
   void take_answers(double now);
   void look_for_stop(double now);
   void follow_mirrored(double now);
@@ -62,12 +64,14 @@ class Bridge {
   void write_status(double now);
   void write_ping(double now);
   void heal(double now);
+  void look_for_deaf_sites(double now);
+  void join_again();
   void leave();
 
   const Options options_;
   const uint64_t session_;
-  const Participant participant_;
-  const Room room_;
+  Participant participant_;
+  std::optional<Room> room_;  // always there but for a moment in join_again
   Worker worker_;
   ContentReader contents_;
   Outgoing outgoing_;
@@ -97,6 +101,9 @@ class Bridge {
   std::map<std::string, Pinged> pinged_;    // by site
   std::deque<std::pair<double, uint64_t>> digests_;  // that outgoing_ had lately, with the time
   std::map<std::string, double> missing_since_;      // s, by site: it has other objects than were written
+  std::map<std::string, double> deaf_since_;         // s, by site: it does not hear this one
+  double silent_since_ = -1;     // s: some site is there that says nothing; negative: none
+  double next_join_ = 0, join_wait_ = 30;  // s
   bool is_ending_ = false;
   bool has_twin_told_ = false;
 };

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "hash.h"
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -13,6 +14,7 @@ constexpr double rate = 10e6 / 8;           // bytes a second of pieces
 constexpr double most_at_once = 65536;      // bytes
 constexpr uint32_t most_pieces = 65536;
 constexpr size_t most_bytes = size_t{1} << 30;  // of contents that are not complete
+constexpr size_t bytes_a_piece = 80;            // for its place, before it has come
 
 uint32_t pieces_for(size_t count, size_t a_piece) { return static_cast<uint32_t>((count + a_piece - 1) / a_piece); }
 
@@ -314,7 +316,8 @@ void ContentWriter::drop_unused(double now) {
 
 // ------------------------------------------------------------------------------------------------------------- reading
 
-void ContentReader::take(double) {
+void ContentReader::take(double now) {
+  now_ = now;
   room_.shapes.reader.take([&](const forceserver_Shape& sample, const dds_sample_info_t& info) {
     if (!info.valid_data) return;
     const std::string key = text_of(sample.content);
@@ -350,8 +353,9 @@ void ContentReader::take(double) {
 ContentReader::PartsRef ContentReader::open(Kind kind, const std::string& key, uint32_t piece, uint32_t pieces, size_t bytes) {
   const bool makes_sense = !key.empty() && piece < pieces && pieces <= most_pieces;
   if (!makes_sense || ready_.count(key) || bad_.count(key)) return nullptr;
+  if (!parts_.count({kind, key})) bytes += pieces * bytes_a_piece;
   if (bytes_ + bytes > most_bytes || parts_.size() > most_pieces) {
-    if (!is_full_told_) std::fprintf(stderr, "forceserver-bridge: other sites' shapes need more than 1 GB; some are left out\n");
+    if (!is_full_told_) complain("other sites' shapes need more than 1 GB; some are left out");
     is_full_told_ = true;
     return nullptr;
   }
@@ -372,6 +376,9 @@ ContentReader::PartsRef ContentReader::open(Kind kind, const std::string& key, u
 
 void ContentReader::close(Kind kind, const std::string& key, const PartsRef& parts, uint32_t piece) {
   parts->has[piece] = true;
+  // It is on its way: were it written again now, that would replace what DDS is still sending, and it would begin anew.
+  const auto wanted = wanted_.find(key);
+  if (wanted != wanted_.end()) wanted->second = now_;
   if (++parts->received < parts->pieces) return;
   parts->is_being_made = true;
   worker_.start([this, kind, key, parts]() -> Worker::Done {
@@ -404,7 +411,7 @@ void ContentReader::close(Kind kind, const std::string& key, const PartsRef& par
       }
       require_key(key, made->key);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "forceserver-bridge: content %s of another site: %s\n", key.c_str(), error.what());
+      complain("content " + key + " of another site: " + error.what());
       made = nullptr;
     }
     return [this, kind, key, parts, made] {
@@ -428,7 +435,7 @@ void ContentReader::keep(const ContentRef& content, const std::string& key) {
 ContentRef ContentReader::find(const std::string& key, double now) {
   const auto found = ready_.find(key);
   if (found == ready_.end()) {
-    if (!bad_.count(key)) wanted_.emplace(key, now);
+    if (!bad_.count(key) && wanted_.size() < most_pieces) wanted_.emplace(key, now);
     return nullptr;
   }
   found->second.used = now;

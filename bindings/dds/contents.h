@@ -78,7 +78,7 @@ class ContentReader {
   void take(double now);
   ContentRef find(const std::string& key, double now);  // null: it has not come yet, and is wanted from now on
   uint64_t news() const noexcept { return news_; }      // grows when another one is here
-  std::vector<std::string> wanted(double now) const;    // what has not come for 5 s; 16 at most
+  std::vector<std::string> wanted(double now) const;    // of which nothing has come for 5 s; 16 at most
   void drop_unused(double now);
 
  private:
@@ -112,7 +112,8 @@ class ContentReader {
   };
   std::map<std::string, Ready> ready_;
   std::set<std::string> bad_;               // contents that cannot be made
-  std::map<std::string, double> wanted_;  // since when, s
+  std::map<std::string, double> wanted_;  // since when nothing of it has come, s
+  double now_ = 0;                          // s, of the last take
   size_t bytes_ = 0;                        // of parts
   uint64_t news_ = 0;
   bool is_full_told_ = false;

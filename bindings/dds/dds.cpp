@@ -51,26 +51,35 @@ Entity::Entity(dds_entity_t id, const std::string& what) : id_(id) {
 
 Qos make_qos() { return Qos(dds_create_qos()); }
 
-Participant::Participant(const Settings& settings) : lease_(settings.lease) {
+Participant::Participant(const Settings& settings) : settings_(settings) {
   domain_ = Entity(dds_create_domain(settings.domain, configuration(settings).c_str()),
                    "the domain " + std::to_string(settings.domain));
+  waitset_ = Entity(dds_create_waitset(domain_.get()), "a waitset");
+  woken_ = Entity(dds_create_guardcondition(domain_.get()), "a condition");
+  dds_waitset_attach(waitset_.get(), woken_.get(), 0);
+  join();
+}
+
+void Participant::join_again() {
+  for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_}) Entity(std::move(*entity));
+  join();
+}
+
+void Participant::join() {
   const Qos qos = make_qos();
-  if (!settings.security.empty()) secure(*qos, settings.security);
-  const std::string security = settings.security.empty() ? "" : " with the keys of " + settings.security;
-  participant_ = Entity(dds_create_participant(settings.domain, qos.get(), nullptr),
-                        "a participant on the interface '" + settings.network + "'" + security);
+  if (!settings_.security.empty()) secure(*qos, settings_.security);
+  const std::string security = settings_.security.empty() ? "" : " with the keys of " + settings_.security;
+  participant_ = Entity(dds_create_participant(settings_.domain, qos.get(), nullptr),
+                        "a participant on the interface '" + settings_.network + "'" + security);
   const Qos room = make_qos();
-  if (!settings.partition.empty()) {
-    const char* partition = settings.partition.c_str();
+  if (!settings_.partition.empty()) {
+    const char* partition = settings_.partition.c_str();
     dds_qset_partition(room.get(), 1, &partition);
   }
   publisher_ = Entity(dds_create_publisher(get(), room.get(), nullptr), "a publisher");
   subscriber_ = Entity(dds_create_subscriber(get(), room.get(), nullptr), "a subscriber");
   open_publisher_ = Entity(dds_create_publisher(get(), nullptr, nullptr), "a publisher");
   open_subscriber_ = Entity(dds_create_subscriber(get(), nullptr, nullptr), "a subscriber");
-  waitset_ = Entity(dds_create_waitset(get()), "a waitset");
-  woken_ = Entity(dds_create_guardcondition(get()), "a condition");
-  dds_waitset_attach(waitset_.get(), woken_.get(), 0);
 }
 
 Qos Participant::qos_of(Service service, bool is_reader) const {
@@ -85,7 +94,7 @@ Qos Participant::qos_of(Service service, bool is_reader) const {
     dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, service == Service::ros ? 10 : 1);
   }
   if (service == Service::state && !is_reader) {
-    dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(lease_ * 1e9));
+    dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(settings_.lease * 1e9));
   }
   // The end of a writer is no removal: what was its is kept until the lease is over, in case it comes back.
   if (!is_reader) dds_qset_writer_data_lifecycle(qos.get(), false);
@@ -118,6 +127,10 @@ void Participant::wait(double seconds) const {
   dds_waitset_wait(waitset_.get(), nullptr, 0, static_cast<dds_duration_t>(seconds * 1e9));
   bool was_woken;
   dds_take_guardcondition(woken_.get(), &was_woken);
+}
+
+void Participant::wait_for_readers(double seconds) const {
+  dds_wait_for_acks(publisher_.get(), static_cast<dds_duration_t>(seconds * 1e9));
 }
 
 void Participant::wake() const { dds_set_guardcondition(woken_.get(), true); }

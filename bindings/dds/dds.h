@@ -58,20 +58,25 @@ class Participant {
     double lease = 1;                 // s, liveliness
   };
   explicit Participant(const Settings& settings);  // throws std::runtime_error
+  // Leaves the domain and joins it as somebody new. Throws std::runtime_error. What was made of it has to be gone.
+  void join_again();
 
   dds_entity_t get() const noexcept { return participant_.get(); }
   Entity make_writer(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room = true) const;
   Entity make_reader(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room = true) const;
   // Waits for a sample, s at most.
   void wait(double seconds) const;
+  void wait_for_readers(double seconds) const;  // until they have all that was written; s at most
   void wake() const;  // ends the wait; any thread
 
  private:
+  void join();
   Entity make_topic(const std::string& name, const dds_topic_descriptor_t& type) const;
   Qos qos_of(Service service, bool is_reader) const;
 
-  const double lease_;
-  Entity domain_, participant_, publisher_, subscriber_, waitset_, woken_;
+  const Settings settings_;
+  Entity domain_, waitset_, woken_;          // these stay: another thread may wake
+  Entity participant_, publisher_, subscriber_;
   Entity open_publisher_, open_subscriber_;  // of the default partition
 };
 
@@ -126,6 +131,11 @@ class Reader {
       for (int i = 0; i < count; ++i) f(*static_cast<const T*>(samples[i]), infos[i]);
       if (count < most) return;
     }
+  }
+  // Some writer is there whose lease is over.
+  bool has_silent_writers() const {
+    dds_liveliness_changed_status_t status{};
+    return dds_get_liveliness_changed_status(reader_.get(), &status) == DDS_RETCODE_OK && status.not_alive_count > 0;
   }
 
  private:

@@ -1,12 +1,15 @@
 #include "edits.h"
 
-#include <cstdio>
+#include <algorithm>
 #include <cstring>
+
+#include "say.h"
 
 namespace bridge {
 namespace {
 
 constexpr double patience = 3;  // s: for an answer, and for the contents of an edit
+constexpr double echo = 0.2;    // s from an answer until the owner's object has come, too
 
 bool is_same(const forceserver_Profile& a, const forceserver_Profile& b) {
   return a.kind == b.kind && a.sense == b.sense && a.gain == b.gain && a.shift == b.shift && a.width == b.width &&
@@ -107,23 +110,41 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
     sample.removes = true;
     object.is_set = false;
   }
+  // What the owner sends meanwhile is older than the edit: an editor that drags the object would feel it spring back.
+  object.held_until = now + patience;
   to_ask_.push_back(sample);
   asked_.emplace(sample.number, std::move(asked));
 }
 
 void Edits::undo(const Asked& asked, const std::string& why, double now) {
-  std::fprintf(stderr, "forceserver-bridge: the edit of %s/%s at site %s was not made: %s\n", asked.client.c_str(),
-               asked.object.c_str(), asked.site.c_str(), why.c_str());
+  complain("the edit of " + asked.client + "/" + asked.object + " at site " + asked.site + " was not made: " + why);
   for (const std::string& key : asked.contents) writer_.unuse(key, now);
+  hold(asked, now);
   RemoteSite* const site = incoming_.find(asked.site);
   if (!site) return;
   const auto client = site->clients.find(asked.client);
   if (client != site->clients.end()) incoming_.set_again(*site, client->second, asked.object);
 }
 
+// Until then what the owner sends does not count; unless another edit waits for its answer.
+void Edits::hold(const Asked& asked, double until) {
+  RemoteSite* const site = incoming_.find(asked.site);
+  const auto is_same = [&](const auto& other) {
+    return &other.second != &asked && other.second.object == asked.object && other.second.client == asked.client;
+  };
+  if (!site || std::any_of(asked_.begin(), asked_.end(), is_same)) return;
+  const auto client = site->clients.find(asked.client);
+  if (client == site->clients.end()) return;
+  const auto object = client->second.objects.find(asked.object);
+  if (object == client->second.objects.end()) return;
+  object->second.held_until = until;
+  client->second.due.insert(asked.object);
+}
+
 void Edits::take_answer(const forceserver_Answer& answer, double now) {
   const auto found = asked_.find(answer.number);
   if (found == asked_.end()) return;
+  hold(found->second, answer.result < 0 ? now : now + echo);
   if (answer.result < 0) {
     undo(found->second, text_of(answer.text), now);
   } else {
@@ -209,8 +230,7 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       if (!is_whole) return false;
       scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));
     }
-    std::printf("%s was %s by %s at site %s\n", name.c_str(), edit.removes ? "removed" : "edited", edit.editor, from.c_str());
-    std::fflush(stdout);
+    say(name + " was " + (edit.removes ? "removed" : "edited") + " by " + text_of(edit.editor) + " at site " + from);
     answer(edit, FS_OK, "");
   } catch (const forceserver::Error& error) {
     answer(edit, error.status(), error.what());

@@ -34,6 +34,7 @@ class Edits {
   void ask(const Incoming::LocalEdit& edit, double now);
   bool try_edit(const forceserver::Scene& scene, const forceserver_Edit& edit, double now);  // false: contents are missing
   void answer(const forceserver_Edit& edit, fs_status status, const std::string& text);
+  void hold(const Asked& asked, double until);
   void undo(const Asked& asked, const std::string& why, double now);
 
   const Room& room_;

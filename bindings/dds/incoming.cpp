@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -57,9 +58,8 @@ void Incoming::take_status(double now) {
     if (!info.valid_data) return;
     RemoteSite& here = site(name, now);
     if (!here.is_known) {
-      std::printf("site %s is here%s%s%s\n", name.c_str(), *sample.device ? " with " : "", text_of(sample.device).c_str(),
-                  sample.has_server ? "" : ", without a server");
-      std::fflush(stdout);
+      say("site " + name + " is here" + (*sample.device ? " with " + text_of(sample.device) : "") +
+          (sample.has_server ? "" : ", without a server"));
     }
     const bool has_other_device = here.is_known && here.status.workspace_radius != sample.workspace_radius;
     here.is_known = true;
@@ -79,8 +79,7 @@ void Incoming::take_status(double now) {
 }
 
 void Incoming::lose(RemoteSite& site, const char* how) {
-  std::printf("site %s %s: its objects fade\n", site.name.c_str(), how);
-  std::fflush(stdout);
+  say("site " + site.name + " " + how + ": its objects fade");
   sites_.erase(site.name);  // its connections end with it
 }
 
@@ -152,12 +151,12 @@ void Incoming::take_motions(double now) {
     RemoteSite* const here = info.valid_data ? find(text_of(sample.site)) : nullptr;
     if (!here || !std::isfinite(sample.sent)) return;
     here->clock.note_arrival(sample.sent, now);
-    move(*here, sample);
+    move(*here, sample, now);
   });
 }
 
 // All moves of a sample that belong to one client are felt from one tick on.
-void Incoming::move(RemoteSite& site, const forceserver_Motions& sample) {
+void Incoming::move(RemoteSite& site, const forceserver_Motions& sample, double now) {
   std::map<RemoteClient*, std::vector<const forceserver_Moved*>> by_client;
   for (uint32_t i = 0; i < sample.moves._length; ++i) {
     const forceserver_Moved& moved = sample.moves._buffer[i];
@@ -168,7 +167,8 @@ void Incoming::move(RemoteSite& site, const forceserver_Motions& sample) {
     if (sample.session != object->second.sample.session || moved.revision <= object->second.motion_revision) continue;
     object->second.motion_revision = moved.revision;
     put_moved(object->second.sample, moved);
-    if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
+    if (now < object->second.held_until) client->second.due.insert(object->first);
+    else if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
   }
   for (const auto& [client, moves] : by_client) {
     try {
@@ -226,23 +226,22 @@ void Incoming::collect(RemoteSite& site, double now) {
 
 bool Incoming::connect(RemoteClient& client, double now) {
   if (client.scene) return true;
-  if (now < client.next_try) return false;
-  client.next_try = now + retry;
   try {
     client.scene = forceserver::Scene::connect(settings_.endpoint, client.name);
     client.is_view_due = client.view.has_value();
     client.is_refused = false;
     return true;
   } catch (const forceserver::Error& error) {
-    if (!client.is_refused) std::fprintf(stderr, "forceserver-bridge: client %s: %s\n", client.name.c_str(), error.what());
+    if (!client.is_refused) complain("client " + client.name + ": " + error.what());
     client.is_refused = true;
+    client.next_try = now + retry;
     if (error.status() == FS_ERROR_NOT_FOUND) has_lost_server_ = true;
     return false;
   }
 }
 
 void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
-  if (client.due.empty() && !(client.is_view_due && client.scene)) return;
+  if (now < client.next_try || (client.due.empty() && !(client.is_view_due && client.scene))) return;
   const bool has_any = std::any_of(client.objects.begin(), client.objects.end(), [](const auto& o) { return !o.second.is_gone; });
   if (!client.scene && !has_any) {
     for (const std::string& name : client.due) client.objects.erase(name);
@@ -261,9 +260,10 @@ void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
       has_lost_server_ = true;
       return;
     }
-    std::fprintf(stderr, "forceserver-bridge: changes of %s: %s\n", client.name.c_str(), error.what());
-    for (const std::string& name : due) client.due.insert(name);
+    complain("changes of " + client.name + ": " + error.what());
+    client.due.insert(due.begin(), due.end());
     client.is_view_due = client.view.has_value();
+    client.next_try = now + retry;
   }
 }
 
@@ -288,7 +288,7 @@ void Incoming::apply_view(RemoteSite& site, RemoteClient& client) {
   fs_scene* const scene = client.scene.get();
   const auto tell = [&](fs_status status, const char* what) {
     if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
-    if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s of %s: %s\n", what, client.name.c_str(), fs_last_error());
+    if (status < 0) complain(std::string(what) + " of " + client.name + ": " + fs_last_error());
   };
   tell(fs_scene_set_clutch(scene, client.view->clutch_held), "the clutch");
   try {
@@ -315,6 +315,10 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const auto found = client.objects.find(name);
   if (found == client.objects.end()) return;
   RemoteObject& object = found->second;
+  if (now < object.held_until) {
+    client.due.insert(name);
+    return;
+  }
   if (object.is_gone) {
     const fs_status status = object.is_set ? fs_object_remove(client.scene.get(), name.c_str()) : FS_OK;
     if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
@@ -335,7 +339,7 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const bool is_right = (!contents.shape || contents.shape->shape) && (!contents.surface || contents.surface->surface) &&
                         (!contents.front || contents.front->curve) && (!contents.back || contents.back->curve);
   if (!is_right) {
-    std::fprintf(stderr, "forceserver-bridge: %s/%s has a key of another kind of content\n", client.name.c_str(), name.c_str());
+    complain(client.name + "/" + name + " has a key of another kind of content");
     return;
   }
   object.contents = std::move(contents);
@@ -343,7 +347,7 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const fs_status status = fs_object_set(client.scene.get(), &local);
   if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
   object.is_set = object.is_set || status == FS_OK;
-  if (status < 0) std::fprintf(stderr, "forceserver-bridge: %s/%s: %s\n", client.name.c_str(), name.c_str(), fs_last_error());
+  if (status < 0) complain(client.name + "/" + name + ": " + fs_last_error());
 }
 
 void Incoming::forget_server() {
@@ -360,6 +364,11 @@ void Incoming::forget_server() {
   }
 }
 
+void Incoming::forget_sites() {
+  sites_.clear();
+  twin_ = 0;
+}
+
 void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
   for (auto& [site_name, site] : sites_) {
     for (auto& [client_name, client] : site.clients) {
@@ -368,7 +377,7 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
         if (event.kind == FS_EVENT_DISCONNECTED) has_lost_server_ = true;
         if (event.kind == FS_EVENT_DISCONNECTED) break;
         if (event.kind == FS_EVENT_REFUSED) {
-          std::fprintf(stderr, "forceserver-bridge: %s/%s was refused: %s\n", client.name.c_str(), event.name, event.text);
+          complain(client.name + "/" + event.name + " was refused: " + event.text);
         }
         const auto object = client.objects.find(event.name);
         if (event.kind != FS_EVENT_EDITED || object == client.objects.end() || object->second.is_gone) continue;

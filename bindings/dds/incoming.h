@@ -22,6 +22,7 @@ struct RemoteObject {
   bool is_gone = false;            // it has to be removed
   bool is_set = false;             // the server has it
   double offset = 0;               // s, with which its start was mapped to our clock
+  double held_until = -1e300;      // s: somebody here edits it, and until the owner has answered it stays as it is here
 };
 
 // A client of another site, and its connection.
@@ -79,6 +80,7 @@ class Incoming {
   void take(double now);   // the samples that have come
   void apply(double now);  // what is due, at the server
   void forget_server();    // it is gone: all has to be set again
+  void forget_sites();     // their objects fade
   void set_device(const fs_device_info& device) { device_ = device; }
 
   std::map<std::string, RemoteSite>& sites() noexcept { return sites_; }
@@ -104,7 +106,7 @@ class Incoming {
   bool connect(RemoteClient& client, double now);
   void apply_view(RemoteSite& site, RemoteClient& client);
   void apply_object(RemoteSite& site, RemoteClient& client, const std::string& name, double now);
-  void move(RemoteSite& site, const forceserver_Motions& sample);
+  void move(RemoteSite& site, const forceserver_Motions& sample, double now);
   fs_frame frame_at(const RemoteSite& site, const forceserver_ClientView& view) const;
 
   const Room& room_;

@@ -81,7 +81,7 @@ int run(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_flag("--no-stop", options.no_stop, "with --mirror: a client cannot end the force");
   app.add_flag("--ros", options.ros, "writes the hand as topics of ROS 2, /forceserver/SITE/pose and others");
-  app.add_option("--follow", follow, "CLIENT/OBJECT=/TOPIC: the object goes where a PoseStamped of ROS 2 says; may be repeated");
+  app.add_option("--follow", follow, "OBJECT=/TOPIC or CLIENT/OBJECT=/TOPIC: the object goes where a PoseStamped of ROS 2 says; without a client it is one of the server's own scene; may be repeated");
   try {
     app.parse(argc, argv);
     if (!bridge::is_site_name(options.site)) throw CLI::ValidationError("--site", "is '" + options.site + "', must be 1 to 20 of a-z 0-9 _ . -");
@@ -98,10 +98,11 @@ int run(int argc, char** argv) {
     for (const std::string& frame : frames) options.frames.insert(parse_frame(frame));
     for (const std::string& each : follow) {
       const size_t equals = each.find('=');
-      if (equals == std::string::npos || each.find('/') > equals || each.find("=/") != equals) {
-        throw CLI::ValidationError("--follow", "is '" + each + "', must be CLIENT/OBJECT=/TOPIC");
+      if (equals == 0 || equals == std::string::npos || each.find("=/") != equals) {
+        throw CLI::ValidationError("--follow", "is '" + each + "', must be OBJECT=/TOPIC or CLIENT/OBJECT=/TOPIC");
       }
-      options.follow[each.substr(0, equals)] = each.substr(equals + 1);
+      const std::string object = each.substr(0, equals);
+      options.follow[object.find('/') == std::string::npos ? "server/" + object : object] = each.substr(equals + 1);
     }
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "say.h"
+
 namespace bridge {
 namespace {
 
@@ -127,7 +129,7 @@ void Outgoing::fetch(const SceneRef& scene, std::vector<std::string> names) {
       } catch (const forceserver::Error& error) {
         if (error.status() == FS_ERROR_DISCONNECTED) break;
         // NOT_FOUND: it was removed meanwhile, which the next look sees.
-        if (error.status() != FS_ERROR_NOT_FOUND) std::fprintf(stderr, "forceserver-bridge: %s: %s\n", name.c_str(), error.what());
+        if (error.status() != FS_ERROR_NOT_FOUND) complain(name + ": " + error.what());
       }
     }
     return [this, fetched, generation] {
@@ -248,7 +250,7 @@ bool Outgoing::write_objects() {
   }
   for (; !to_write_.empty() && pace_.allows(); to_write_.pop_front()) {
     const auto found = known_.find(to_write_.front());
-    if (found == known_.end()) continue;  // removed meanwhile
+    if (found == known_.end() || !found->second.is_queued) continue;  // removed meanwhile, or even set anew
     Known& known = found->second;
     if (!room_.objects.writer.write(known.sample)) return false;
     pace_.spend(object_bytes);

@@ -2,10 +2,10 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 #include "ros_messages.h"
+#include "say.h"
 
 namespace bridge {
 namespace {
@@ -61,8 +61,8 @@ RosTopics::RosTopics(const Participant& participant, const std::string& site, bo
   impl_->frame = "forceserver/" + site;
   impl_->writes = writes;
   if (writes) {
-    // A name of ROS has letters, digits and '_' only.
-    std::string name = site;
+    // A name of ROS has letters, digits and '_' only, and no digit at first.
+    std::string name = site[0] >= '0' && site[0] <= '9' ? "site" + site : site;
     for (char& c : name) c = c == '.' || c == '-' ? '_' : c;
     const std::string prefix = "/forceserver/" + name + "/";
     impl_->pose = make_writer(participant, prefix + "pose", geometry_msgs_msg_dds__PoseStamped__desc);
@@ -95,7 +95,7 @@ void RosTopics::write(const forceserver_Hand& hand) {
   dds_write(impl_->joy.get(), &joy);
 }
 
-void RosTopics::follow(const forceserver::Scene& scene, double) {
+void RosTopics::follow(const forceserver::Scene& scene) {
   for (Impl::Followed& followed : impl_->followed) {
     void* sample = nullptr;
     dds_sample_info_t info;
@@ -110,7 +110,7 @@ void RosTopics::follow(const forceserver::Scene& scene, double) {
       sample = nullptr;
       if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
       if (status < 0 && !followed.is_missing_told) {
-        std::fprintf(stderr, "forceserver-bridge: --follow %s: %s\n", followed.object.c_str(), fs_last_error());
+        complain("--follow " + followed.object + ": " + fs_last_error());
       }
       followed.is_missing_told = status < 0;
     }

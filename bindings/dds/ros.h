@@ -16,7 +16,7 @@ class RosTopics {
   RosTopics(const Participant& participant, const std::string& site, bool writes, const std::map<std::string, std::string>& follow);
   ~RosTopics();
   void write(const forceserver_Hand& hand);
-  void follow(const forceserver::Scene& scene, double now);
+  void follow(const forceserver::Scene& scene);
 
  private:
   struct Impl;

@@ -1,7 +1,8 @@
 #include "worker.h"
 
-#include <cstdio>
 #include <exception>
+
+#include "say.h"
 
 namespace bridge {
 
@@ -49,7 +50,7 @@ void Worker::run() {
     try {
       done = job();
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "forceserver-bridge: %s\n", error.what());
+      complain(error.what());
     }
     job = nullptr;  // what it holds is given back here, not under the lock
     {

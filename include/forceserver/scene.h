@@ -33,15 +33,15 @@ extern "C" {
 /* An empty scene in this process. */
 FS_API fs_status fs_scene_create(fs_scene **out);
 
-/* A scene at a server of this user: "shm:NAME" or "dds:DOMAIN"; at a server of another user: "shm:NAME?user=USER".
- * Options are joined by '&'. With "timeout=5" the call waits, 5 s at most, for a server that is not there yet or does
+/* A scene at a server of this user, "shm:NAME", or of another user, "shm:NAME?user=USER". A program always connects to the
+ * server of its own machine: the program forceserver-bridge joins the servers of several machines, so "dds:.." is
+ * UNSUPPORTED. Options are joined by '&'. With "timeout=5" the call waits, 5 s at most, for a server that is not there yet or does
  * not answer; without it: NOT_FOUND at once, TIMEOUT after 2 s. client_name follows the rules of an object's name and
  * cannot be "server"; an '@' in it means that the client is at another machine and that a bridge has made the scene
  * for it (server.h); the name is free again as soon as its process is dead. The client's objects live as long as its
  * process, even if it makes no calls. A server that is lost stays lost for this scene: its calls return DISCONNECTED,
  * as they do after this process ran out of memory in the middle of a change. After fork the scene belongs to the
- * parent. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. 0.1:
- * dds is UNSUPPORTED. */
+ * parent. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 
 /* Gives the scene back; null does nothing. A servo or tool that uses it goes on; connected: its objects fade. */

@@ -144,10 +144,12 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   out.text = given;
   const std::string shown = shortened(given);  // in sentences
   if (out.text.starts_with("dds:")) {
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': DDS is not in version %s of this library", shown.c_str(), fs_version());
+    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': the library does not speak DDS; connect to the server of this machine (shm:NAME), and join the servers of "
+         "several machines by the program forceserver-bridge",
+         shown.c_str());
   }
   if (!out.text.starts_with("shm:")) {
-    fail(FS_ERROR_INVALID, "endpoint is '%s', must begin with shm: or dds:", shown.c_str());
+    fail(FS_ERROR_INVALID, "endpoint is '%s', must begin with shm:", shown.c_str());
   }
   const size_t question = out.text.find('?');
   out.name = out.text.substr(4, question == std::string::npos ? question : question - 4);

@@ -12,6 +12,16 @@
 //   probe count ENDPOINT CLIENT          prints how many objects a client has, 20 times a second, with the time, until its input ends
 //   probe weight ENDPOINT OBJECT         prints its weight in the same way; -1: it is not there
 //   probe lateness ENDPOINT              prints the servo's late_p50, late_p99, late_max (s) and misses
+//   probe puppet ENDPOINT NAME           does what lines of its standard input say, and answers each with "ok" or "error: ...":
+//     add FIRST COUNT                    sets springs s<FIRST>, ... in one group
+//     contents MEGABYTES                 sets a mesh, and springs with a curve: an expression f(d, t), a table, a surface
+//     wander FIRST COUNT SECONDS         moves springs 25 times a second, in one group, and leaves each at a place of its own
+//     gain OBJECT GAIN                   changes a spring; OBJECT may be another client's, as CLIENT/NAME
+//     remove OBJECT                      COUNT springs from FIRST on: remove FIRST COUNT
+//     stop                               ends the force
+//     look CLIENT                        answers with a line of JSON: all that a client has. What must be the same at all sites is
+//                                        one text for each object; and there is its start (s)
+//     force                              answers with "on" or "off"
 #include <poll.h>
 #include <unistd.h>
 
@@ -19,15 +29,19 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <iostream>
+#include <sstream>
 #include <thread>
 
 #include <forceserver/forceserver.hpp>
 
+using forceserver::Curve;
 using forceserver::Device;
 using forceserver::Scene;
 using forceserver::Server;
 using forceserver::Servo;
 using forceserver::Shape;
+using forceserver::Surface;
 
 namespace {
 
@@ -176,7 +190,7 @@ int many(const Scene& scene, int count, double seconds) {
   return 0;
 }
 
-int mesh(const Scene& scene, double megabytes, double seconds) {
+Shape make_mesh(double megabytes) {
   const auto n = static_cast<uint32_t>(std::sqrt(megabytes * 1e6 / 48));  // 24 bytes of a point, two triangles of 12
   std::vector<fs_vec3> points;
   std::vector<uint32_t> triangles;
@@ -189,14 +203,185 @@ int mesh(const Scene& scene, double megabytes, double seconds) {
       for (const uint32_t i : {a, a + 1, b, b, a + 1, b + 1}) triangles.push_back(i);
     }
   }
-  const Shape shape = Shape::create_mesh(points.data(), points.size(), triangles.data(), triangles.size() / 3);
-  fs_object object = fs_object_init("mesh", FS_PRIMITIVE_MESH);
-  object.shape = shape.get();
-  object.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 1, 0, 1);
-  scene.object_set(object);
+  return Shape::create_mesh(points.data(), points.size(), triangles.data(), triangles.size() / 3);
+}
+
+fs_object object_of(const char* name, const Shape& shape) {
+  fs_object out = fs_object_init(name, FS_PRIMITIVE_MESH);
+  out.shape = shape.get();
+  out.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 1, 0, 1);
+  return out;
+}
+
+int mesh(const Scene& scene, double megabytes, double seconds) {
+  const Shape shape = make_mesh(megabytes);
+  scene.object_set(object_of("mesh", shape));
   std::printf("%.6f\n", day_time());
   std::fflush(stdout);
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+  return 0;
+}
+
+// ---------------------------------------------------------------------------------------------------------- puppet
+
+std::string spring_name(int i) { return "s" + std::to_string(i); }
+
+void add_springs(const Scene& scene, int first, int count) {
+  forceserver::Group group(scene);
+  for (int i = first; i < first + count; ++i) scene.object_set(spring(spring_name(i).c_str(), 0.0005 * i + 1.0 / 3));
+  group.commit();
+}
+
+void add_contents(const Scene& scene, double megabytes) {
+  const Shape shape = make_mesh(megabytes);
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.static_friction = 0.5;
+  settings.dynamic_friction = 0.3;
+  const Surface surface = Surface::create(settings);
+  fs_object solid = object_of("mesh", shape);
+  solid.surface = surface.get();
+  scene.object_set(solid);
+  std::vector<double> forces;
+  for (int i = 0; i < 20000; ++i) forces.push_back(std::sin(0.01 * i));  // in three pieces
+  const Curve waves = Curve::create_expression("2+sin(6.283*t)*exp(-d/0.02)"),
+              table = Curve::create_table(forces.data(), forces.size(), 1e-5);
+  for (const auto& [name, curve] : {std::pair{"waves", &waves}, {"table", &table}}) {
+    fs_object object = spring(name, 0.02);
+    object.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 5);
+    object.front.curve = curve->get();
+    scene.object_set(object);
+  }
+}
+
+void wander(const Scene& scene, int first, int count, double seconds) {
+  const double start = day_time();
+  for (int k = 0; day_time() < start + seconds; ++k) {
+    wait_until(start + 0.04 * k);
+    forceserver::Group group(scene);
+    for (int i = first; i < first + count; ++i) {
+      const double phase = 0.1 * k + i;
+      const fs_pose pose = {{0.0005 * i, 0.01 * std::sin(phase), 0.01 * day_time() / 1e9}, {1, 0, 0, 0}};
+      const fs_twist twist = {{0, 0.025 * std::cos(phase), 0}, {0, 0, 0.1}};
+      scene.object_move(spring_name(i), pose, &twist, FS_NOW);
+    }
+    group.commit();
+  }
+}
+
+uint64_t hash_of(const void* data, size_t size) {
+  uint64_t out = 0xcbf29ce484222325;
+  for (size_t i = 0; i < size; ++i) out = (out ^ static_cast<const unsigned char*>(data)[i]) * 0x100000001b3;
+  return out;
+}
+
+void tell(std::ostream& out, const fs_profile& p) {
+  out << ' ' << p.kind << ' ' << p.sense;
+  for (const double value : {p.gain, p.width, p.limit, p.reach, p.offset}) out << ' ' << value;
+  if (!p.curve) return;
+  const char* const expression = fs_curve_get_expression(p.curve);
+  size_t count = 0;
+  double step = 0;
+  const double* const table = expression ? nullptr : fs_curve_get_table(p.curve, &count, &step);
+  if (expression) out << ' ' << expression;
+  if (table) out << " table " << step << ' ' << count << ' ' << hash_of(table, count * sizeof *table);
+}
+
+// All that must be the same at all sites, with all digits.
+std::string text_of(const fs_object& object) {
+  std::ostringstream out;
+  out << std::hexfloat << object.primitive << ' ' << object.enabled << ' ' << object.tool_points << ' ' << object.damping << " at";
+  const fs_pose& p = object.pose;
+  for (const double value : {p.position.x, p.position.y, p.position.z, p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z}) {
+    out << ' ' << value;
+  }
+  const fs_twist& t = object.twist;
+  out << " going";
+  for (const double value : {t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y, t.angular.z}) out << ' ' << value;
+  out << " feels";
+  tell(out, object.front);
+  tell(out, object.back);
+  const fs_contact& c = object.contact;
+  out << " contact " << c.keep << ' ' << c.stiffness << ' ' << c.limit << ' ' << c.damping << ' ' << c.friction;
+  if (object.shape) {
+    fs_shape_info info = fs_shape_info_init();
+    forceserver::throw_on_error(fs_shape_get_info(object.shape, &info));
+    size_t points = 0, triangles = 0;
+    const fs_vec3* const p0 = fs_shape_get_points(object.shape, &points);
+    const uint32_t* const t0 = fs_shape_get_triangles(object.shape, &triangles);
+    out << " shape " << points << ' ' << hash_of(p0, points * sizeof *p0) << ' ' << triangles << ' ' << hash_of(t0, triangles * 12);
+  }
+  if (object.surface) {
+    fs_surface_settings settings = fs_surface_settings_init();
+    forceserver::throw_on_error(fs_surface_get_settings(object.surface, &settings));
+    out << " surface " << settings.static_friction << ' ' << settings.dynamic_friction;
+  }
+  return out.str();
+}
+
+std::string look(const Scene& scene, const std::string& client) {
+  std::ostringstream out;
+  out.precision(15);
+  out << '{';
+  size_t count = 0;
+  if (fs_scene_get_motions(scene.get(), client.c_str(), nullptr, 0, &count) == FS_OK) {  // else there is no such client
+    for (const fs_motion& each : scene.get_motions(client.c_str())) {
+      const forceserver::Object object = scene.object_get(each.name);
+      const std::string name = each.name;
+      out << (out.tellp() > 1 ? ", " : "") << '"' << name.substr(name.find('/') + 1) << "\": [\"" << text_of(object)
+          << "\", " << object.start << ']';
+    }
+  }
+  out << '}';
+  return out.str();
+}
+
+std::string obey(const Scene& scene, const std::string& line) {
+  std::istringstream words(line);
+  std::string what, name;
+  int first = 0, count = 0;
+  double number = 0;
+  words >> what;
+  if (what == "add" && words >> first >> count) {
+    add_springs(scene, first, count);
+  } else if (what == "contents" && words >> number) {
+    add_contents(scene, number);
+  } else if (what == "wander" && words >> first >> count >> number) {
+    wander(scene, first, count, number);
+  } else if (what == "gain" && words >> name >> number) {
+    forceserver::Object object = scene.object_get(name);
+    object.front.gain = number;
+    scene.object_change(object, FS_PART_PROFILES);
+  } else if (what == "remove" && words >> name) {
+    if (words >> count) {
+      forceserver::Group group(scene);
+      for (int i = 0; i < count; ++i) scene.object_remove(spring_name(std::atoi(name.c_str()) + i));
+      group.commit();
+    } else {
+      scene.object_remove(name);
+    }
+  } else if (what == "stop") {
+    scene.stop_force();
+  } else if (what == "look" && words >> name) {
+    return look(scene, name);
+  } else if (what == "force") {
+    return scene.get_servo_stats().enabled ? "on" : "off";
+  } else {
+    return "error: what is \"" + line + "\"?";
+  }
+  scene.sync(5);
+  return "ok";
+}
+
+int puppet(const Scene& scene) {
+  for (std::string line; std::getline(std::cin, line);) {
+    std::string answer;
+    try {
+      answer = obey(scene, line);
+    } catch (const std::exception& error) {
+      answer = std::string("error: ") + error.what();
+    }
+    std::cout << answer << std::endl;
+  }
   return 0;
 }
 
@@ -213,6 +398,7 @@ int run(int count, char** words) {
   if (count < 3) throw std::runtime_error("see the top of probe.cpp");
   const std::string what = words[1];
   if (what == "server") return serve(words[2], count > 3 ? words[3] : "sim:?hold=0,0,0");
+  if (what == "puppet" && count > 3) return puppet(Scene::connect(words[2], words[3]));
   const Scene scene = Scene::connect(words[2], what == "wall" || what == "steps" || what == "many" || what == "mesh"
                                                    ? what
                                                    : what + std::to_string(getpid()));

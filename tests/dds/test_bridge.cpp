@@ -303,6 +303,26 @@ START_TEST(an_edit_reaches_the_owner) {
 }
 END_TEST
 
+// Who drags an object does not feel it spring back to where its owner's site still has it.
+START_TEST(a_dragged_object_does_not_spring_back) {
+  const RoomName room;
+  const Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), editor = desk.connect("editor");
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  EVENTUALLY(has_object(editor, "app@lab/spring"));
+  int back = 0;
+  for (int i = 1; i <= 400; ++i) {  // faster than an answer comes
+    editor.object_move("app@lab/spring", at({0.03, 0.00005 * i, 0}), nullptr, FS_NOW);
+    wait_a_little(0.004);
+    back += editor.object_get("app@lab/spring").pose.position.y != 0.00005 * i;
+  }
+  ck_assert_msg(back == 0, "%d times it sprang back", back);
+  EVENTUALLY(app.object_get("spring").pose.position.y == 0.02);
+  wait_a_little(1);
+  ck_assert(editor.object_get("app@lab/spring").pose.position.y == 0.02);
+}
+END_TEST
+
 START_TEST(an_edit_that_is_refused_is_undone) {
   const RoomName room;
   SiteOptions options;
@@ -404,6 +424,6 @@ int main() {
   add_case(suite, "objects", {an_object_is_the_same_at_the_other_site, forces_are_those_of_the_place_of_the_hand, moves_are_followed,
                               a_group_stays_together, frame_tool_and_clutch_come_along, a_frame_is_scaled_to_the_device,
                               what_is_removed_goes, a_lifetime_runs_at_the_owners_site, names_that_are_too_long_are_cut});
-  add_case(suite, "answers", {an_edit_reaches_the_owner, an_edit_that_is_refused_is_undone, a_stop_stops_all_sites});
+  add_case(suite, "answers", {an_edit_reaches_the_owner, a_dragged_object_does_not_spring_back, an_edit_that_is_refused_is_undone, a_stop_stops_all_sites});
   return run_suite(suite);
 }

@@ -315,7 +315,7 @@ static struct { std::vector<std::string> words; const char* sentence; } const ba
     {{"lab", "--site", "a", "--interface", "nope0", "--open"}, "nope0"},
     {{"lab", "--site", "a", "--security", "/nowhere"}, "/nowhere"},
     {{"lab", "--site", "a", "--lease", "0"}, "--lease"},
-    {{"lab", "--site", "a", "--follow", "x"}, "must be CLIENT/OBJECT=/TOPIC"},
+    {{"lab", "--site", "a", "--follow", "x"}, "must be OBJECT=/TOPIC"},
 };
 START_TEST(a_bad_command_line_is_refused) {
   std::vector<std::string> command = {BRIDGE};
