@@ -61,8 +61,8 @@ RosTopics::RosTopics(const Participant& participant, const std::string& site, bo
   impl_->frame = "forceserver/" + site;
   impl_->writes = writes;
   if (writes) {
-    // A name of ROS has letters, digits and '_' only.
-    std::string name = site;
+    // A name of ROS has letters, digits and '_' only, and no digit at first.
+    std::string name = site[0] >= '0' && site[0] <= '9' ? "site" + site : site;
     for (char& c : name) c = c == '.' || c == '-' ? '_' : c;
     const std::string prefix = "/forceserver/" + name + "/";
     impl_->pose = make_writer(participant, prefix + "pose", geometry_msgs_msg_dds__PoseStamped__desc);

@@ -80,11 +80,11 @@ START_TEST(a_python_program_publishes_a_rock) {
     ck_assert_uint_eq(count, 8);
     ck_assert_str_eq(fs_curve_get_expression(object.front.curve), "(3 + sin(12*t))*exp(-d/0.01)");
     ck_assert_int_eq(object.contact.keep, FS_KEEP_FRONT);
-    // is where it says at each instant,
+    // is where it says at each instant, here within 0.1 s, for busy machines,
     EVENTUALLY(([&] {
       const fs_vec3 there = place_of(viewer, rock).position;
       const double angle = steady_now();
-      return std::hypot(there.x - 0.03 * std::cos(angle), there.y - 0.03 * std::sin(angle)) < 1e-3;
+      return std::hypot(there.x - 0.03 * std::cos(angle), there.y - 0.03 * std::sin(angle)) < 3e-3;
     }()));
     // pushes the hand, and the program is told so.
     SAYS(program, "the hand of site desk is at ");
