@@ -16,6 +16,7 @@ import time
 PROBE, BRIDGE, MAKE_KEYS = sys.argv[1:4]
 LEASE, FADE = 1, 0.2  # s, of the bridge and of the servo
 bad = 0
+all_sites = []
 
 
 def net(*commands):
@@ -43,6 +44,7 @@ class Site:
         self.server.stdout.readline()
         self.puppet = start(number, PROBE, "puppet", "shm:s", "puppet", **pipes)
         self.start_bridge()
+        all_sites.append(self)
 
     def start_bridge(self):
         self.said = pathlib.Path(os.environ["NET_FOLDER"], f"bridge{self.number}")
@@ -69,8 +71,13 @@ class Site:
 
     def look(self, owner=None):
         """What the puppet of a site has, as this site knows it: {name: [all that must be the same, start]}."""
-        self.tell(f"look puppet{'' if owner in (None, self) else '@' + owner.name}")
-        return json.loads(self.answer())
+        for _ in range(50):
+            self.tell(f"look puppet{'' if owner in (None, self) else '@' + owner.name}")
+            out = self.answer()
+            if out.startswith("{"):
+                return json.loads(out)
+            time.sleep(0.1)  # something went while it looked
+        raise RuntimeError(f"the puppet of {self.name} says \"{out}\", its server has ended with {self.server.poll()}")
 
     def has_force(self):
         self.tell("force")
@@ -218,15 +225,19 @@ def test_cut():
 
 def test_clocks():
     sites = a, b, c = [Site(n) for n in (1, 2, 3)]
-    net("delay 0.02", "jitter 0.005", "loss 0.02")
+    # At first the way from site 1 takes longer than the way back, so that the clocks are taken to be 50 ms from where they are.
+    net("delay 0.02", "delay 0.12 1>2", "delay 0.12 1>3", "jitter 0.005", "loss 0.02")
     a.do("contents 0.1")
     check_same("all is there", sites, 20)
+    off = b.look(a)["waves"][1] - a.look()["waves"][1] - 1000
+    check("the clocks cannot be known yet", 0.03 < off < 0.08, off)
+    net("delay 0.02")
     wall = start(1, PROBE, "wall", "shm:s", "25")
     time.sleep(8)
     following = [start(n, PROBE, "follow", "shm:s", "wall@n1/wall", "8", stdout=subprocess.PIPE) for n in (2, 3)]
     for site, process in zip((b, c), following):
         error = json.loads(process.communicate()[0])
-        good = error["looks"] > 1000 and error["rms"] < 0.0007 and error["rms"] < error["rms_on_arrival"] / 2
+        good = error["looks"] > 1000 and error["rms"] < 0.001 and error["rms"] < error["rms_on_arrival"] / 2
         check(f"a wall that moves is followed at {site.name}", good, error)
     wall.wait()
     for site, ahead in ((b, 1000), (c, 2000)):
@@ -266,6 +277,10 @@ def test_keys():
         change_all(ours, k)
         time.sleep(15)
         net("heal")
+        if k == 1:
+            # What another removes while the first is away must not come back as a ghost.
+            within(30, lambda: "joins the room anew" in a.said.read_text())
+            c.do(f"remove {1000 * k} 3")
         check_same(f"after {way} was cut, {len(ours)} sites", ours, 40)
         is_told = ["joins the room anew" in site.said.read_text() for site in ours]
         check("the site that was given up has joined anew", is_told[:2] == [True, k == 2], is_told)
@@ -303,4 +318,8 @@ def test_stopped():
     return finish(sites)
 
 
-sys.exit({name: f for name, f in globals().items() if name.startswith("test_")}["test_" + sys.argv[4]]())
+try:
+    sys.exit({name: f for name, f in globals().items() if name.startswith("test_")}["test_" + sys.argv[4]]())
+except RuntimeError as error:
+    check("the test", False, error)
+    sys.exit(finish(all_sites))
