@@ -35,12 +35,13 @@ def start(site, *command, **files):
 
 
 class Site:
-    """A server, its bridge and a client, named puppet, at the site of that number."""
+    """A server, its bridge and a client, named puppet, at the site of that number. The servo's rate is low: there are many
+    here, and a server disconnects whoever takes longer than a period."""
 
     def __init__(self, number, *options, name=None):
         self.number, self.name, self.options = number, name or f"n{number}", options or ("--open",)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", **pipes)
+        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", 500, **pipes)
         self.server.stdout.readline()
         self.puppet = start(number, PROBE, "puppet", "shm:s", "puppet", **pipes)
         self.start_bridge()
@@ -88,7 +89,8 @@ class Watch:
     """The least and the newest number of objects that a site has seen of another's puppet."""
 
     def __init__(self, site, owner):
-        self.process = start(site.number, PROBE, "count", "shm:s", f"puppet@{owner.name}", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = start(site.number, PROBE, "count", "shm:s", f"puppet@{owner.name}", stdin=subprocess.PIPE,
+                             stdout=subprocess.PIPE)
         self.least = self.newest = float("inf")
         threading.Thread(target=self.read, daemon=True).start()
 
@@ -170,7 +172,7 @@ def test_loss():
     own = a.look()
     check("what was removed is gone", len(own) == 203 - 10 - 30 + 7, len(own))
     gains = [(200 + i, f"s{i}") for i in range(60, 70)] + [(307, "s7")]
-    check("what was edited is so", all(f" {hexadecimal(gain)} " in own[name][0] for gain, name in gains), gains[-1])
+    check("what was edited is so", all(f" {hexadecimal(gain)} " in own.get(name, [""])[0] for gain, name in gains), gains[-1])
     c.do("stop")
     took = within(10, lambda: not any(site.has_force() for site in sites))
     check("a stop reaches all sites", took is not None, took)
@@ -265,7 +267,8 @@ def test_keys():
         for owner in sites:
             is_ours = site in ours and owner in ours
             if site is not owner and not is_ours:
-                check(f"{site.name} sees nothing of {owner.name}", not site.look(owner) and f"site {owner.name}" not in site.said.read_text())
+                is_told = f"site {owner.name}" in site.said.read_text()
+                check(f"{site.name} sees nothing of {owner.name}", not site.look(owner) and not is_told)
     # A way that is gone for longer than DDS waits for a participant, but the way back is not: one site has given up the other.
     # With a third one in the room that one still hears the first, without it only its announcements.
     for k, way in ((1, "1>2"), (2, "2>1")):
