@@ -478,6 +478,7 @@ void Bridge::join_again() {
   outgoing_.write_again();
   outgoing_.contents().write_all_again();
   deaf_since_.clear();
+  missing_since_.clear();
   silent_since_ = -1;
   next_status_ = 0;
 }

@@ -11,6 +11,7 @@ namespace {
 constexpr double together = 0.05;   // s: so long the objects of a change wait for each other
 constexpr double settling = 0.3;    // s: a new site's objects are set when its motions have come, too
 constexpr double retry = 1;         // s
+constexpr double phase_error = 0.02;  // s: so far the start of an f(d, t) may be off; when it is changed the force jumps
 constexpr double kept_empty = 5;    // s: so long the connection of a client without objects is kept
 constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 64;
 
@@ -192,6 +193,7 @@ void Incoming::apply(double now) {
   news_ = contents_.news();
   for (auto& [name, site] : sites_) {
     collect(site, now);
+    keep_phase(site, now);
     const bool is_settled = now - site.first_seen >= settling && (site.clock.is_known() || now - site.first_seen >= 3 * settling);
     if (!is_settled) continue;
     for (auto it = site.clients.begin(); it != site.clients.end();) {
@@ -207,6 +209,18 @@ void Incoming::apply(double now) {
       if (client.objects.empty() && now - client.empty_since > kept_empty) client.scene = {};
       const bool is_over = client.objects.empty() && !client.scene && !client.view;
       it = is_over ? site.clients.erase(it) : std::next(it);
+    }
+  }
+}
+
+// What was set before the clocks were known well, or before one of them jumped, is set again.
+void Incoming::keep_phase(RemoteSite& site, double now) {
+  if (std::fabs(now - site.phase_time) < 1) return;
+  site.phase_time = now;
+  for (auto& [client_name, client] : site.clients) {
+    for (const auto& [name, object] : client.objects) {
+      const bool has_curve = object.contents.front || object.contents.back;
+      if (has_curve && object.is_set && std::fabs(object.offset - site.clock.offset()) > phase_error) client.due.insert(name);
     }
   }
 }
@@ -303,8 +317,7 @@ void Incoming::apply_view(RemoteSite& site, RemoteClient& client) {
 
 fs_object Incoming::to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const {
   fs_object out = to_c(object.sample, name);
-  constexpr double tolerated = 0.02;  // s: f(d, t) jumps when its start is changed
-  if (!object.is_set || std::fabs(object.offset - site.clock.offset()) > tolerated) object.offset = site.clock.offset();
+  if (!object.is_set || std::fabs(object.offset - site.clock.offset()) > phase_error) object.offset = site.clock.offset();
   out.start += object.offset;
   out.time = object.sample.horizon > 0 ? site.clock.to_ours(out.time) : FS_NOW;
   object.contents.put_handles(out);

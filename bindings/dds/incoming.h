@@ -57,6 +57,7 @@ struct RemoteSite {
   uint32_t objects = 0;            // and their digest, as in Held
   uint64_t digest = 0;
   uint64_t motions_number = 0;
+  double phase_time = 0;           // s, when the starts of its f(d, t) were looked at
 };
 
 class Incoming {
@@ -102,6 +103,7 @@ class Incoming {
   void take_object(const forceserver_ForceObject& sample, bool is_gone, double now);
   void lose(RemoteSite& site, const char* how);
   void collect(RemoteSite& site, double now);
+  void keep_phase(RemoteSite& site, double now);
   void apply(RemoteSite& site, RemoteClient& client, double now);
   bool connect(RemoteClient& client, double now);
   void apply_view(RemoteSite& site, RemoteClient& client);

@@ -1,7 +1,7 @@
 // A client for tests and measurements in a network of several sites (namespaces.sh). Its places are functions of the time of the
 // day, which all sites of the network share, so that another one knows where things are at each instant.
 //
-//   probe server NAME DEVICE             a server until its standard input ends
+//   probe server NAME DEVICE [RATE]      a server until its standard input ends; RATE of the servo, Hz
 //   probe wall ENDPOINT SECONDS          moves the plane "wall" by 10 mm up and down, once a second, 25 moves a second with twist
 //   probe follow ENDPOINT OBJECT SECONDS where the wall is there: prints as JSON the error (m) in its place: rms and max; and
 //                                        what it would be if a move counted from its arrival: rms_on_arrival
@@ -19,8 +19,8 @@
 //     gain OBJECT GAIN                   changes a spring; OBJECT may be another client's, as CLIENT/NAME
 //     remove OBJECT                      COUNT springs from FIRST on: remove FIRST COUNT
 //     stop                               ends the force
-//     look CLIENT                        answers with a line of JSON: all that a client has. What must be the same at all sites is
-//                                        one text for each object; and there is its start (s)
+//     look CLIENT                        answers with a line of JSON: all that a client has. What must be the same at all sites
+//                                        is one text for each object; and there is its start (s)
 //     force                              answers with "on" or "off"
 #include <poll.h>
 #include <unistd.h>
@@ -66,11 +66,12 @@ fs_object spring(const char* name, double x) {
   return out;
 }
 
-int serve(const char* name, const char* uri) {
+int serve(const char* name, const char* uri, double rate) {
   const Scene scene = Scene::create();
   const Device device = Device::open(uri);
   fs_servo_options options = fs_servo_options_init();
   options.priority = -1;
+  options.rate = rate;
   const Servo servo = Servo::start(scene, device, &options);
   fs_server_options server_options = fs_server_options_init();
   server_options.max_clients = 1000;
@@ -291,9 +292,8 @@ std::string text_of(const fs_object& object) {
   std::ostringstream out;
   out << std::hexfloat << object.primitive << ' ' << object.enabled << ' ' << object.tool_points << ' ' << object.damping << " at";
   const fs_pose& p = object.pose;
-  for (const double value : {p.position.x, p.position.y, p.position.z, p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z}) {
-    out << ' ' << value;
-  }
+  const fs_quat& q = p.orientation;
+  for (const double value : {p.position.x, p.position.y, p.position.z, q.w, q.x, q.y, q.z}) out << ' ' << value;
   const fs_twist& t = object.twist;
   out << " going";
   for (const double value : {t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y, t.angular.z}) out << ' ' << value;
@@ -397,7 +397,9 @@ int print_often(F&& value) {
 int run(int count, char** words) {
   if (count < 3) throw std::runtime_error("see the top of probe.cpp");
   const std::string what = words[1];
-  if (what == "server") return serve(words[2], count > 3 ? words[3] : "sim:?hold=0,0,0");
+  if (what == "server") {
+    return serve(words[2], count > 3 ? words[3] : "sim:?hold=0,0,0", count > 4 ? std::atof(words[4]) : 0);
+  }
   if (what == "puppet" && count > 3) return puppet(Scene::connect(words[2], words[3]));
   const Scene scene = Scene::connect(words[2], what == "wall" || what == "steps" || what == "many" || what == "mesh"
                                                    ? what

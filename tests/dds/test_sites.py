@@ -16,6 +16,7 @@ import time
 PROBE, BRIDGE, MAKE_KEYS = sys.argv[1:4]
 LEASE, FADE = 1, 0.2  # s, of the bridge and of the servo
 bad = 0
+all_sites = []
 
 
 def net(*commands):
@@ -34,15 +35,17 @@ def start(site, *command, **files):
 
 
 class Site:
-    """A server, its bridge and a client, named puppet, at the site of that number."""
+    """A server, its bridge and a client, named puppet, at the site of that number. The servo's rate is low: there are many
+    here, and a server disconnects whoever takes longer than a period."""
 
     def __init__(self, number, *options, name=None):
         self.number, self.name, self.options = number, name or f"n{number}", options or ("--open",)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", **pipes)
+        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", 500, **pipes)
         self.server.stdout.readline()
         self.puppet = start(number, PROBE, "puppet", "shm:s", "puppet", **pipes)
         self.start_bridge()
+        all_sites.append(self)
 
     def start_bridge(self):
         self.said = pathlib.Path(os.environ["NET_FOLDER"], f"bridge{self.number}")
@@ -69,8 +72,13 @@ class Site:
 
     def look(self, owner=None):
         """What the puppet of a site has, as this site knows it: {name: [all that must be the same, start]}."""
-        self.tell(f"look puppet{'' if owner in (None, self) else '@' + owner.name}")
-        return json.loads(self.answer())
+        for _ in range(50):
+            self.tell(f"look puppet{'' if owner in (None, self) else '@' + owner.name}")
+            out = self.answer()
+            if out.startswith("{"):
+                return json.loads(out)
+            time.sleep(0.1)  # something went while it looked
+        raise RuntimeError(f"the puppet of {self.name} says \"{out}\", its server has ended with {self.server.poll()}")
 
     def has_force(self):
         self.tell("force")
@@ -81,7 +89,8 @@ class Watch:
     """The least and the newest number of objects that a site has seen of another's puppet."""
 
     def __init__(self, site, owner):
-        self.process = start(site.number, PROBE, "count", "shm:s", f"puppet@{owner.name}", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = start(site.number, PROBE, "count", "shm:s", f"puppet@{owner.name}", stdin=subprocess.PIPE,
+                             stdout=subprocess.PIPE)
         self.least = self.newest = float("inf")
         threading.Thread(target=self.read, daemon=True).start()
 
@@ -163,7 +172,7 @@ def test_loss():
     own = a.look()
     check("what was removed is gone", len(own) == 203 - 10 - 30 + 7, len(own))
     gains = [(200 + i, f"s{i}") for i in range(60, 70)] + [(307, "s7")]
-    check("what was edited is so", all(f" {hexadecimal(gain)} " in own[name][0] for gain, name in gains), gains[-1])
+    check("what was edited is so", all(f" {hexadecimal(gain)} " in own.get(name, [""])[0] for gain, name in gains), gains[-1])
     c.do("stop")
     took = within(10, lambda: not any(site.has_force() for site in sites))
     check("a stop reaches all sites", took is not None, took)
@@ -218,15 +227,19 @@ def test_cut():
 
 def test_clocks():
     sites = a, b, c = [Site(n) for n in (1, 2, 3)]
-    net("delay 0.02", "jitter 0.005", "loss 0.02")
+    # At first the way from site 1 takes longer than the way back, so that the clocks are taken to be 50 ms from where they are.
+    net("delay 0.02", "delay 0.12 1>2", "delay 0.12 1>3", "jitter 0.005", "loss 0.02")
     a.do("contents 0.1")
     check_same("all is there", sites, 20)
+    off = b.look(a)["waves"][1] - a.look()["waves"][1] - 1000
+    check("the clocks cannot be known yet", 0.03 < off < 0.08, off)
+    net("delay 0.02")
     wall = start(1, PROBE, "wall", "shm:s", "25")
     time.sleep(8)
     following = [start(n, PROBE, "follow", "shm:s", "wall@n1/wall", "8", stdout=subprocess.PIPE) for n in (2, 3)]
     for site, process in zip((b, c), following):
         error = json.loads(process.communicate()[0])
-        good = error["looks"] > 1000 and error["rms"] < 0.0007 and error["rms"] < error["rms_on_arrival"] / 2
+        good = error["looks"] > 1000 and error["rms"] < 0.001 and error["rms"] < error["rms_on_arrival"] / 2
         check(f"a wall that moves is followed at {site.name}", good, error)
     wall.wait()
     for site, ahead in ((b, 1000), (c, 2000)):
@@ -254,7 +267,8 @@ def test_keys():
         for owner in sites:
             is_ours = site in ours and owner in ours
             if site is not owner and not is_ours:
-                check(f"{site.name} sees nothing of {owner.name}", not site.look(owner) and f"site {owner.name}" not in site.said.read_text())
+                is_told = f"site {owner.name}" in site.said.read_text()
+                check(f"{site.name} sees nothing of {owner.name}", not site.look(owner) and not is_told)
     # A way that is gone for longer than DDS waits for a participant, but the way back is not: one site has given up the other.
     # With a third one in the room that one still hears the first, without it only its announcements.
     for k, way in ((1, "1>2"), (2, "2>1")):
@@ -266,6 +280,10 @@ def test_keys():
         change_all(ours, k)
         time.sleep(15)
         net("heal")
+        if k == 1:
+            # What another removes while the first is away must not come back as a ghost.
+            within(30, lambda: "joins the room anew" in a.said.read_text())
+            c.do(f"remove {1000 * k} 3")
         check_same(f"after {way} was cut, {len(ours)} sites", ours, 40)
         is_told = ["joins the room anew" in site.said.read_text() for site in ours]
         check("the site that was given up has joined anew", is_told[:2] == [True, k == 2], is_told)
@@ -303,4 +321,8 @@ def test_stopped():
     return finish(sites)
 
 
-sys.exit({name: f for name, f in globals().items() if name.startswith("test_")}["test_" + sys.argv[4]]())
+try:
+    sys.exit({name: f for name, f in globals().items() if name.startswith("test_")}["test_" + sys.argv[4]]())
+except RuntimeError as error:
+    check("the test", False, error)
+    sys.exit(finish(all_sites))
