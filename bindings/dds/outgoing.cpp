@@ -34,9 +34,9 @@ void Outgoing::look(const SceneRef& scene, const std::string& own_name, double n
     next_others_ = now + others_period;
     remove_missing(scene, now);
     note_views(*scene);
+    look_at_times(now);
   }
   if (!changed.empty()) fetch(scene, std::move(changed));
-  look_at_times(now);
 }
 
 void Outgoing::note(const fs_motion& motion, double now, std::vector<std::string>& changed) {
