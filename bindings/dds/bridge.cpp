@@ -154,7 +154,7 @@ void Bridge::connect(double time) {
     next_status_ = 0;
     say("connected to " + options_.endpoint + " (" + device_.name + ")");
   } catch (const forceserver::Error& error) {
-    const std::string what = error.what();
+    const std::string what = error.status() == FS_ERROR_EXISTS ? options_.endpoint + " has a bridge already" : error.what();
     if (what != trouble_) {
       complain(what + "; it is tried again and again");
       trouble_ = what;
@@ -252,7 +252,7 @@ void Bridge::look_for_stop(double time) {
   const bool is_on = stats_.enabled;
   if (is_on != is_force_on_ || stats_.faults != faults) next_status_ = 0;
   // Who presses the button again after the force has returned for a moment is heard, too.
-  const bool is_pressed = !is_on && !who.empty() && who != own_name_;
+  const bool is_pressed = !is_on && !who.empty() && who != own_name_ && who.find('@') == std::string::npos;
   if ((is_force_on_ && !is_on) || is_pressed) {
     stopped_ = time;
     if (!is_stopped_by_room_ || is_pressed) {
@@ -275,8 +275,15 @@ void Bridge::look_for_stop(double time) {
 // A mirror's force returns when that of the device does. Its own faults, such as that of a machine that is too slow, harm nobody.
 void Bridge::follow_mirrored(double time) {
   if (stats_.faults & ~uint32_t{FS_FAULT_DEVICE}) mirror_.servo.set_enabled(true);
-  if (is_force_on_) return;
   const RemoteSite* const site = incoming_.find(options_.mirrors);
+  if (is_force_on_) {
+    const bool is_off_there = site && site->is_known && !site->status.enabled && time > stopped_ + 2;
+    if (!is_off_there) return;
+    is_stopped_by_room_ = true;
+    mirror_.servo.set_enabled(false);
+    say("the force of site " + site->name + " is stopped, and returns there only");
+    return;
+  }
   const bool is_on_there = site && site->is_known && site->status.enabled && site->status_time > stopped_ + 2;
   if (is_on_there && time > stopped_ + 2) mirror_.servo.set_enabled(true);
 }
@@ -292,7 +299,8 @@ void Bridge::take_stops() {
     answer.is_stop = true;
     answer.result = FS_ERROR_STATE;
     if (scene_) {
-      answer.result = fs_scene_stop_force(scene_->get());
+      const forceserver::Scene* const who = incoming_.scene_of(from, text_of(sample.client), now());
+      answer.result = fs_scene_stop_force(who ? who->get() : scene_->get());
       if (answer.result == FS_OK) is_stopped_by_room_ = true;
       if (answer.result < 0) put_text(answer.text, fs_last_error());
     } else {

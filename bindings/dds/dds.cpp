@@ -1,8 +1,12 @@
 #include "dds.h"
 
-#include <cstdlib>
+#include <chrono>
+#include <cstring>
+#include <map>
+#include <mutex>
 #include <stdexcept>
 
+#include "say.h"
 #include "security.h"
 
 namespace bridge {
@@ -23,15 +27,14 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-// Cyclone's configuration. What the user sets in CYCLONEDDS_URI comes first, so that what is here counts where both say something.
+// Cyclone's configuration. It stands alone: what CYCLONEDDS_URI says is for other programs, and might open a network that no option
+// of the bridge has opened.
 std::string configuration(const Participant::Settings& settings) {
   const bool is_local = settings.network == "lo";
   std::string peers;
   for (const std::string& peer : settings.peers) peers += "<Peer address=\"" + escaped(peer) + "\"/>";
   if (is_local) peers += "<Peer address=\"127.0.0.1\"/>";
-  const char* const given = std::getenv("CYCLONEDDS_URI");
-  std::string out = given && *given ? std::string(given) + "," : "";
-  out += "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"" + escaped(settings.network) +
+  std::string out = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"" + escaped(settings.network) +
          "\"/></Interfaces>";
   if (is_local) out += "<AllowMulticast>false</AllowMulticast>";
   out += "</General><Discovery>";
@@ -43,6 +46,37 @@ std::string configuration(const Participant::Settings& settings) {
   return out + "</Discovery></Domain></CycloneDDS>";
 }
 
+// What Cyclone DDS writes to its log, in words for people where they are known; each sentence at most once a minute.
+void tell_of_dds(void*, const dds_log_data_t* data) {
+  static std::mutex mutex;
+  static std::map<std::string, std::chrono::steady_clock::time_point> told;
+  const std::string text(data->message, strnlen(data->message, data->size));
+  const std::pair<const char*, const char*> known[] = {
+      {"Failed to finalize digest context", "key.pem does not belong to certificate.pem: nobody can meet this site"},
+      {"Begin handshake", "somebody whose keys are not of this room is on the network, and is not let in"},
+      {"handshake", ""},
+      {"not allowed", ""},  // passes by itself
+      {"certificate has expired", "the keys have expired, or the clock of this machine is wrong"},
+      {"not yet valid", "the keys are not valid yet, or the clock of this machine is wrong"},
+  };
+  std::string sentence = "DDS says: " + text.substr(0, text.find_last_not_of(" \n") + 1);
+  for (const auto& [part, words] : known) {
+    if (text.find(part) == std::string::npos) continue;
+    if (!*words) return;
+    sentence = words;
+    break;
+  }
+  const auto now = std::chrono::steady_clock::now();
+  {
+    const std::lock_guard lock(mutex);
+    auto& last = told[sentence];
+    if (last.time_since_epoch().count() != 0 && now - last < std::chrono::minutes(1)) return;
+    if (told.size() > 100) told.clear();
+    told[sentence] = now;
+  }
+  complain(sentence);
+}
+
 }  // namespace
 
 Entity::Entity(dds_entity_t id, const std::string& what) : id_(id) {
@@ -52,6 +86,7 @@ Entity::Entity(dds_entity_t id, const std::string& what) : id_(id) {
 Qos make_qos() { return Qos(dds_create_qos()); }
 
 Participant::Participant(const Settings& settings) : settings_(settings) {
+  dds_set_log_sink(tell_of_dds, nullptr);
   domain_ = Entity(dds_create_domain(settings.domain, configuration(settings).c_str()),
                    "the domain " + std::to_string(settings.domain));
   waitset_ = Entity(dds_create_waitset(domain_.get()), "a waitset");

@@ -175,13 +175,10 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
     answer(edit, FS_ERROR_NOT_FOUND, "the object belongs to another site");
     return true;
   }
-  // The owner is told who it was: the editor's own connection, where it has one.
-  RemoteSite* const site = incoming_.find(from);
-  const forceserver::Scene* scene = &own;
-  if (site) {
-    const auto editor = site->clients.find(text_of(edit.editor));
-    if (editor != site->clients.end() && editor->second.scene) scene = &editor->second.scene;
-  }
+  // By the editor's own connection, so that the owner is told who it was.
+  const forceserver::Scene* scene = incoming_.scene_of(from, text_of(edit.editor), now);
+  if (!scene) scene = &own;
+  const RemoteSite* const site = incoming_.find(from);
   try {
     if (edit.removes) {
       scene->object_remove(name);

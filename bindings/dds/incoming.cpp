@@ -58,10 +58,7 @@ void Incoming::take_status(double now) {
     }
     if (!info.valid_data) return;
     RemoteSite& here = site(name, now);
-    if (!here.is_known) {
-      say("site " + name + " is here" + (*sample.device ? " with " + text_of(sample.device) : "") +
-          (sample.has_server ? "" : ", without a server"));
-    }
+    tell_of(here, sample);
     const bool has_other_device = here.is_known && here.status.workspace_radius != sample.workspace_radius;
     here.is_known = true;
     here.status = sample;
@@ -77,6 +74,20 @@ void Incoming::take_status(double now) {
       for (auto& [client_name, client] : here.clients) client.is_view_due = true;
     }
   });
+}
+
+// What people should know of another site, when it is new.
+void Incoming::tell_of(const RemoteSite& site, const forceserver_Status& sample) {
+  const std::string name = "site " + site.name, stopped = "its force is stopped, and returns there only";
+  const bool is_on = sample.enabled, is_new = !site.is_known;
+  if (is_new) {
+    say(name + " is here" + (*sample.device ? " with " + text_of(sample.device) : "") +
+        (!sample.has_server ? ", without a server" : is_on ? "" : "; " + stopped));
+  } else if (site.status.has_server != sample.has_server) {
+    say(name + (sample.has_server ? " has a server" : " has lost its server: its objects fade"));
+  } else if (sample.has_server && site.status.enabled != sample.enabled) {
+    say(name + ": " + (is_on ? "its force returns" : stopped));
+  }
 }
 
 void Incoming::lose(RemoteSite& site, const char* how) {
@@ -252,6 +263,15 @@ bool Incoming::connect(RemoteClient& client, double now) {
     if (error.status() == FS_ERROR_NOT_FOUND) has_lost_server_ = true;
     return false;
   }
+}
+
+const forceserver::Scene* Incoming::scene_of(const std::string& site_name, const std::string& client_name, double now) {
+  RemoteSite* const site = find(site_name);
+  if (!site || client_name.empty() || site->clients.size() >= most_clients) return nullptr;
+  RemoteClient& client = site->clients[client_name];
+  if (client.name.empty()) client.name = name_at_site(client_name, site_name);
+  if (client.objects.empty()) client.empty_since = now;
+  return now >= client.next_try && connect(client, now) ? &client.scene : nullptr;
 }
 
 void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {

@@ -82,6 +82,8 @@ class Incoming {
   void apply(double now);  // what is due, at the server
   void forget_server();    // it is gone: all has to be set again
   void forget_sites();     // their objects fade
+  // The connection of another site's client, for what it asks for here; made where there is none. Null: it cannot be had.
+  const forceserver::Scene* scene_of(const std::string& site, const std::string& client, double now);
   void set_device(const fs_device_info& device) { device_ = device; }
 
   std::map<std::string, RemoteSite>& sites() noexcept { return sites_; }
@@ -101,6 +103,7 @@ class Incoming {
   void take_clients(double now);
   void take_motions(double now);
   void take_object(const forceserver_ForceObject& sample, bool is_gone, double now);
+  static void tell_of(const RemoteSite& site, const forceserver_Status& sample);
   void lose(RemoteSite& site, const char* how);
   void collect(RemoteSite& site, double now);
   void keep_phase(RemoteSite& site, double now);

@@ -31,7 +31,9 @@ const char* const help = R"(examples:
       the sites of this machine alone, in the room "main"
 
 Applications connect to the server of their own machine, as if there were no other. A client of another site is called
-CLIENT@SITE here. bindings/dds/README.md has the rest.)";
+CLIENT@SITE here. bindings/dds/README.md has the rest.
+
+Ends with 0 on Ctrl-C, and with 2 if it could not be done.)";
 
 // "SITE=SCALE" or "SITE=SCALE,X,Y,Z": metres of that site's device per metre of ours, and where its centre is here, m.
 std::pair<std::string, fs_frame> parse_frame(const std::string& text) {
@@ -66,7 +68,7 @@ int run(int argc, char** argv) {
   app.add_option("--room", network.partition, "the room that sites share")->capture_default_str();
   app.add_option("--interface", network.network, "the network interface, such as eth0")->capture_default_str();
   app.add_option("--peer", network.peers, "the address of a machine that multicast does not reach; may be repeated");
-  app.add_option("--domain", network.domain, "the domain of DDS")->check(CLI::Range(0, 232))->capture_default_str();
+  app.add_option("--domain", network.domain, "the domain of DDS; with --security at most 230")->check(CLI::Range(0, 232))->capture_default_str();
   app.add_option("--security", network.security, "a folder with the keys of this site (make-keys)");
   app.add_flag("--open", is_open, "no keys on a network: then anyone there can push the hand");
   app.add_option("--lease", network.lease, "seconds after which a site that says nothing is lost, and its objects fade")
@@ -85,6 +87,10 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (!bridge::is_site_name(options.site)) throw CLI::ValidationError("--site", "is '" + options.site + "', must be 1 to 20 of a-z 0-9 _ . -");
+    // '*' and '?' would be all rooms.
+    const bool is_room = !network.partition.empty() && network.partition.size() <= 63 &&
+                         network.partition.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") == std::string::npos;
+    if (!is_room) throw CLI::ValidationError("--room", "is '" + network.partition + "', must be 1 to 63 of a-z A-Z 0-9 _ . -");
     if (options.mirrors.empty() == server.empty()) throw CLI::ValidationError("SERVER", "give either the server of this machine, or --listen and --mirror");
     if (options.mirrors.empty() != listen.empty()) throw CLI::ValidationError("--listen", "belongs to --mirror, and --mirror needs it");
     if (!options.mirrors.empty() && (!bridge::is_site_name(options.mirrors) || options.mirrors == options.site)) {

@@ -99,9 +99,9 @@ void show_device(const std::string& site, const forceserver_Status& status, doub
   out.damping = status.device_damping;
   out.mass = status.mass;
   out.rate = std::fmin(std::fmax(status.rate, 100), 20000);
-  // Poses come over the network: they may be this old before they count as lost.
-  out.link_rate = hand_rate;
-  out.delay = 0.07;
+  // Poses come over the network: they may be 20 ms older than this before they count as lost. A link_rate would say the same, but
+  // it would also bound the slopes, which are to be those of the other site.
+  out.delay = 0.06 + 1 / hand_rate;
   out.watchdog = 0;
   info = out;
 }

@@ -264,6 +264,25 @@ bool Outgoing::write_objects() {
   return true;
 }
 
+// Its place is extrapolated until the next sample. Where it swings faster than samples are sent, its velocity at one instant would
+// carry it far away; there the mean velocity since the last sample counts.
+forceserver_Moved Outgoing::to_moved(const Known& known) {
+  constexpr double tolerated = 5e-4;  // m, by which the two may lead to different places
+  forceserver_Moved out = bridge::to_moved(known.sample);
+  const double passed = known.motion.time - known.sent.time;
+  if (!(passed > 0) || passed > 3 * motions_period) return out;
+  const auto difference = [](const fs_vec3& a, const fs_vec3& b) { return fs_vec3{a.x - b.x, a.y - b.y, a.z - b.z}; };
+  const auto length = [](const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); };
+  const fs_vec3 way = difference(known.motion.pose.position, known.sent.pose.position);
+  const fs_vec3 mean = {way.x / passed, way.y / passed, way.z / passed};
+  const double apart = length(difference(known.motion.twist.linear, mean));
+  if (known.motion.horizon > 0 && (apart <= length(mean) || apart * motions_period <= tolerated)) return out;
+  if (known.motion.horizon == 0) return out;  // it stands still
+  const double twist[] = {mean.x, mean.y, mean.z};
+  for (int i = 0; i < 3; ++i) out.twist[i] = static_cast<float>(twist[i]);
+  return out;
+}
+
 // What has moved is sent at once where the last sample is old enough, so that it does not wait for its turn; and again, where
 // nothing new has come, because samples may be lost.
 void Outgoing::write_motions(double now) {
@@ -290,8 +309,9 @@ void Outgoing::write_motions(double now) {
   std::sort(moving.begin(), moving.end(), is_older);
   std::vector<forceserver_Moved> moves;
   for (Known* known : moving) {
-    moves.push_back(to_moved(known->sample));
+    moves.push_back(to_moved(*known));
     known->last_sent = now;
+    known->sent = known->motion;
   }
   forceserver_Motions sample{};
   put_text(sample.site, site_);

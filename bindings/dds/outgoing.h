@@ -57,7 +57,8 @@ class Outgoing {
     fs_motion motion{};             // the newest that was seen
     double touched = 0;             // s, when it was last changed or moved
     double moved = -1e9;            // s, when it was last moved
-    double last_sent = 0;           // s, in a Motions
+    double last_sent = 0;           // s, in a Motions; and where it was then, and when (motion.time)
+    fs_motion sent{};
     double lifetime = 0;            // s
     uint64_t written_revision = 0;  // of the Object that was written last; 0: none
     bool is_enabled = true;
@@ -88,6 +89,7 @@ class Outgoing {
   bool write_objects();
   bool write_clients();
   void write_motions(double now);
+  static forceserver_Moved to_moved(const Known& known);
 
   const Room& room_;
   Worker& worker_;

@@ -2,7 +2,9 @@
 // frames; edits and stops go the other way. By the program forceserver-bridge, and the public C interface.
 #include <signal.h>
 
+#include <atomic>
 #include <cmath>
+#include <thread>
 
 #include "dds/bridge_rig.h"
 
@@ -184,6 +186,36 @@ START_TEST(moves_are_followed) {
 END_TEST
 
 // Whoever looks sees all objects of a group as they were set together.
+// What swings faster than samples are sent is not thrown about: at the other site it is never much farther out.
+START_TEST(a_fast_motion_is_not_exaggerated) {
+  const RoomName room;
+  const Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  EVENTUALLY(has_object(viewer, "app@lab/spring"));
+  std::atomic<bool> is_over{false};
+  std::thread mover([&] {
+    while (!is_over) {
+      const double time = app.get_time(), w = 2 * M_PI * 20;  // 20 turns a second, 2 mm
+      const fs_twist twist = {{0, 0.002 * w * std::cos(w * time), 0}, {0, 0, 0}};
+      app.object_move("spring", at({0.03, 0.002 * std::sin(w * time), 0}), &twist, FS_NOW);
+      wait_a_little(0.002);
+    }
+  });
+  double worst = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const std::vector<fs_motion> motions = viewer.get_motions("app@lab");
+    fs_pose pose;
+    OK(fs_motion_at(&motions.at(0), viewer.get_time(), &pose));
+    if (i > 100) worst = std::max(worst, std::fabs(pose.position.y));
+    wait_a_little(0.003);
+  }
+  is_over = true;
+  mover.join();
+  ck_assert_msg(worst < 0.012, "2 mm have become %g mm", 1e3 * worst);
+}
+END_TEST
+
 START_TEST(a_group_stays_together) {
   const RoomName room;
   const Site lab(room, "lab"), desk(room, "desk");
@@ -283,6 +315,13 @@ START_TEST(an_edit_reaches_the_owner) {
   const Curve curve = make_expression("3*exp(-d/0.02)");
   editor.object_change(object, FS_PART_PROFILES);
   EVENTUALLY(app.object_get("spring").front.gain == 250);
+  const auto hears_of = [&](const char* editor_name) {
+    fs_event event{};
+    do OK(fs_scene_next_event(app.get(), 0, &event));
+    while (event.kind != FS_EVENT_NONE && event.kind != FS_EVENT_EDITED);
+    return event.kind == FS_EVENT_EDITED && std::string(event.text) == editor_name;
+  };
+  EVENTUALLY(hears_of("editor@desk"));
   ck_assert(app.object_get("spring").pose.position.x == 0.03);
   // A curve that only the other site has goes along.
   fs_object with_curve = editor.object_get("app@lab/spring");
@@ -421,7 +460,7 @@ END_TEST
 
 int main() {
   Suite* const suite = suite_create("bridge");
-  add_case(suite, "objects", {an_object_is_the_same_at_the_other_site, forces_are_those_of_the_place_of_the_hand, moves_are_followed,
+  add_case(suite, "objects", {an_object_is_the_same_at_the_other_site, forces_are_those_of_the_place_of_the_hand, moves_are_followed, a_fast_motion_is_not_exaggerated,
                               a_group_stays_together, frame_tool_and_clutch_come_along, a_frame_is_scaled_to_the_device,
                               what_is_removed_goes, a_lifetime_runs_at_the_owners_site, names_that_are_too_long_are_cut});
   add_case(suite, "answers", {an_edit_reaches_the_owner, a_dragged_object_does_not_spring_back, an_edit_that_is_refused_is_undone, a_stop_stops_all_sites});
