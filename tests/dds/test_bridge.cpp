@@ -212,7 +212,7 @@ START_TEST(a_fast_motion_is_not_exaggerated) {
   }
   is_over = true;
   mover.join();
-  ck_assert_msg(worst < 0.012, "2 mm have become %g mm", 1e3 * worst);
+  ck_assert_msg(worst < 0.009, "2 mm have become %g mm", 1e3 * worst);
 }
 END_TEST
 
