@@ -168,6 +168,11 @@ std::vector<T> joined(std::vector<std::vector<T>>& pieces) {
   return out;
 }
 
+// What is taken back comes with its numbers, but without points.
+bool is_piece(const dds_sample_info_t& info) {
+  return info.valid_data && info.instance_state != DDS_NOT_ALIVE_DISPOSED_INSTANCE_STATE;
+}
+
 void require_key(const std::string& key, const std::string& real) {
   if (is_hash(key) && key != real) throw std::runtime_error("the content of " + key + " is another one, of " + real);
 }
@@ -319,7 +324,7 @@ void ContentWriter::drop_unused(double now) {
 void ContentReader::take(double now) {
   now_ = now;
   room_.shapes.reader.take([&](const forceserver_Shape& sample, const dds_sample_info_t& info) {
-    if (!info.valid_data) return;
+    if (!is_piece(info)) return;
     const std::string key = text_of(sample.content);
     const size_t bytes = sample.points._length * sizeof(fs_vec3) + sample.triangles._length * sizeof(uint32_t);
     const PartsRef parts = open(shape_kind, key, sample.piece, sample.pieces, bytes);
@@ -331,7 +336,7 @@ void ContentReader::take(double now) {
     close(shape_kind, key, parts, sample.piece);
   });
   room_.curves.reader.take([&](const forceserver_Curve& sample, const dds_sample_info_t& info) {
-    if (!info.valid_data) return;
+    if (!is_piece(info)) return;
     const std::string key = text_of(sample.content);
     const PartsRef parts = open(curve_kind, key, sample.piece, sample.pieces, sample.forces._length * sizeof(double));
     if (!parts) return;
@@ -340,7 +345,7 @@ void ContentReader::take(double now) {
     close(curve_kind, key, parts, sample.piece);
   });
   room_.surfaces.reader.take([&](const forceserver_Surface& sample, const dds_sample_info_t& info) {
-    if (!info.valid_data) return;
+    if (!is_piece(info)) return;
     const std::string key = text_of(sample.content);
     const PartsRef parts = open(surface_kind, key, sample.piece, sample.pieces, sample.heights._length * sizeof(double));
     if (!parts) return;

@@ -96,7 +96,12 @@ class Writer {
 
   // False: it cannot be written now, because readers are too far behind; nothing was done.
   bool write(const T& sample) const { return is_done(dds_write(writer_.get(), &sample)); }
-  bool dispose(const T& sample) const { return is_done(dds_writedispose(writer_.get(), &sample)); }  // with all of its fields
+  // With all of its fields. DDS forgets it when all have it: else it would keep each name that was ever used, for who comes late.
+  bool dispose(const T& sample) const {
+    if (!is_done(dds_writedispose(writer_.get(), &sample))) return false;
+    dds_unregister_instance(writer_.get(), &sample);
+    return true;
+  }
   bool has_readers() const {
     dds_publication_matched_status_t status{};
     return dds_get_publication_matched_status(writer_.get(), &status) == DDS_RETCODE_OK && status.current_count > 0;

@@ -121,6 +121,7 @@ void Outgoing::remove(std::map<std::string, Known>::iterator it, double now, uin
 void Outgoing::fetch(const SceneRef& scene, std::vector<std::string> names) {
   worker_.start([this, scene, names = std::move(names), generation = generation_]() -> Worker::Done {
     auto fetched = std::make_shared<std::vector<Fetched>>();
+    std::vector<std::string> late;
     for (const std::string& name : names) {
       try {
         Fetched one{name, scene->object_get(name), {}};
@@ -128,12 +129,18 @@ void Outgoing::fetch(const SceneRef& scene, std::vector<std::string> names) {
         fetched->push_back(std::move(one));
       } catch (const forceserver::Error& error) {
         if (error.status() == FS_ERROR_DISCONNECTED) break;
+        if (error.status() == FS_ERROR_TIMEOUT) {  // nothing would tell again that it has changed
+          late.push_back(name);
+          continue;
+        }
         // NOT_FOUND: it was removed meanwhile, which the next look sees.
         if (error.status() != FS_ERROR_NOT_FOUND) complain(name + ": " + error.what());
       }
     }
-    return [this, fetched, generation] {
-      if (generation == generation_) keep(*fetched);
+    return [this, scene, fetched, late = std::move(late), generation] {
+      if (generation != generation_) return;
+      if (!late.empty()) fetch(scene, late);
+      keep(*fetched);
     };
   });
 }

@@ -80,6 +80,9 @@ int serve(const char* name, const char* uri, double rate) {
   std::puts("ready");
   std::fflush(stdout);
   while (!input_ends_within(1)) {
+    for (fs_event event; (event = scene.next_event(0)).kind != FS_EVENT_NONE;) {
+      if (event.status < 0) std::fprintf(stderr, "probe server: %s: %s\n", event.name, event.text);
+    }
   }
   return 0;
 }

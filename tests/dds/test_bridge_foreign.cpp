@@ -115,6 +115,38 @@ START_TEST(another_program_publishes_objects) {
 }
 END_TEST
 
+// A piece that is taken back before all have come, as what nobody uses any more is, is no piece without points.
+START_TEST(a_piece_that_is_taken_back) {
+  const RoomName name;
+  const Site desk(name, "desk");
+  const Scene viewer = desk.connect("viewer");
+  Foreign foreign(name);
+  EVENTUALLY(foreign.hears_bridge());
+  std::vector<forceserver_Vec3> points = {{0, 0, 0}, {0.02, 0, 0}}, others = {{0.02, 0.01, 0}};
+  forceserver_Shape shape{};
+  put_text(shape.content, "rover-line");
+  shape.pieces = 2;
+  shape.primitive = FS_PRIMITIVE_POLYLINE;
+  forceserver_Shape second = shape;
+  second.piece = 1;
+  bridge::lend(shape.points, points);
+  forceserver_Object line = make_object("line", {0, 0, 0.02});
+  line.primitive = FS_PRIMITIVE_POLYLINE;
+  put_text(line.form, "rover-line");
+  ck_assert(foreign.room.objects.writer.write(line));
+  ck_assert(foreign.room.shapes.writer.dispose(second));
+  wait_a_little(0.3);
+  ck_assert(foreign.room.shapes.writer.write(shape));
+  wait_a_little(0.3);
+  bridge::lend(second.points, others);
+  ck_assert(foreign.room.shapes.writer.write(second));
+  EVENTUALLY(weight_of(viewer, "sim@rover/line") == 1);
+  size_t count = 0;
+  fs_shape_get_points(viewer.object_get("sim@rover/line").shape, &count);
+  ck_assert_uint_eq(count, 3);
+}
+END_TEST
+
 START_TEST(when_it_is_lost_its_objects_fade) {
   const RoomName name;
   const Site desk(name, "desk");
@@ -344,7 +376,7 @@ END_TEST
 
 int main() {
   Suite* const suite = suite_create("foreign programs");
-  add_case(suite, "sense", {another_program_publishes_objects, when_it_is_lost_its_objects_fade});
+  add_case(suite, "sense", {another_program_publishes_objects, a_piece_that_is_taken_back, when_it_is_lost_its_objects_fade});
   add_case(suite, "nonsense", {nonsense_is_left_out, random_samples});
   return run_suite(suite);
 }

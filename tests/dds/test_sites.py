@@ -41,7 +41,7 @@ class Site:
     def __init__(self, number, *options, name=None):
         self.number, self.name, self.options = number, name or f"n{number}", options or ("--open",)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", 500, **pipes)
+        self.server = start(number, PROBE, "server", "s", "sim:?hold=0,0,0&encoder=ideal", 200, **pipes)
         self.server.stdout.readline()
         self.puppet = start(number, PROBE, "puppet", "shm:s", "puppet", **pipes)
         self.start_bridge()
@@ -303,6 +303,15 @@ def test_stopped():
     time.sleep(max(0, begun + 5 - time.monotonic()))
     a.bridge.send_signal(signal.SIGCONT)
     check_same("after it goes on", sites, 20)
+    # A server that does not answer for a while, just when the bridge asks for many objects.
+    a.do("add 3000 300")
+    time.sleep(0.03)
+    a.server.send_signal(signal.SIGSTOP)
+    time.sleep(2.5)
+    a.server.send_signal(signal.SIGCONT)
+    check_same("after a server goes on", sites, 20)
+    a.do("remove 3000 300")
+    check_same("after that", sites, 20)
     between = Watch(b, a)
     check("a bridge ends", c.end() == 0, c.bridge.returncode)
     c.name = "n1"
