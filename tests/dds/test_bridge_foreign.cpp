@@ -130,7 +130,7 @@ START_TEST(a_piece_that_is_taken_back) {
   forceserver_Shape second = shape;
   second.piece = 1;
   bridge::lend(shape.points, points);
-  forceserver_Object line = make_object("line", {0, 0, 0.02});
+  forceserver_ForceObject line = make_object("line", {0, 0, 0.02});
   line.primitive = FS_PRIMITIVE_POLYLINE;
   put_text(line.form, "rover-line");
   ck_assert(foreign.room.objects.writer.write(line));
