@@ -50,9 +50,13 @@ void Bridge::open_ros() {
   if (is_used) ros_ = std::make_unique<RosTopics>(participant_, options_.site, options_.ros, options_.follow);
 }
 
-double Bridge::now() const {
-  double out;
-  return scene_ && fs_scene_get_time(scene_->get(), &out) == FS_OK ? out : steady_now();
+// This site's clock is the monotonic one, which is also the server's unless its servo is virtual.
+double Bridge::now() { return steady_now(); }
+
+double Bridge::shift() const {
+  constexpr double same = 1e-3;  // s
+  const double out = scene_->get_time() - steady_now();
+  return std::fabs(out) < same ? 0 : out;
 }
 
 int Bridge::run(const std::atomic<bool>& is_ending) {
@@ -62,7 +66,7 @@ int Bridge::run(const std::atomic<bool>& is_ending) {
       "); Ctrl-C ends");
   if (!options_.mirrors.empty()) say("waits for site " + options_.mirrors + ", whose hand it shows");
   while (!is_ending) {
-    participant_.wait(std::clamp(next_hand_ - now(), 0.0, 0.01));
+    participant_.wait(scene_ ? std::clamp(next_hand_ - now(), 0.0, 0.01) : 0.01);
     if (is_twin()) return 2;
     turn();
   }
@@ -100,12 +104,13 @@ void Bridge::turn() {
 }
 
 void Bridge::look_at_server(double time) {
+  incoming_.set_shift(shift());
   write_hand(time);
   incoming_.apply(time);
   edits_.ask(time);
   edits_.take(*scene_, time);
   if (is_due(next_look_, time, look_period)) {
-    outgoing_.look(scene_, own_name_, time);
+    outgoing_.look(scene_, own_name_, time, incoming_.shift());
     write_reports(time);
   }
   look_for_stop(time);
@@ -320,6 +325,7 @@ void Bridge::take_answers(double time) {
     if (!info.valid_data || text_of(sample.site) != options_.site) return;
     if (!sample.is_stop) return edits_.take_answer(sample, time);
     const std::string from = text_of(sample.answerer);
+    if (sample.number == 0 || sample.number > stop_number_ || time > stopped_ + 10) return;  // nobody asked
     say(sample.result < 0 ? "site " + from + " did not stop: " + text_of(sample.text) : "site " + from + " has stopped");
   });
 }
@@ -338,7 +344,7 @@ void Bridge::write_hand(double time) {
   put_text(sample.site, options_.site);
   sample.number = ++hand_number_;
   sample.sent = now();
-  sample.time = state.time;
+  sample.time = state.time - incoming_.shift();
   sample.place = to_sample(state.pose);
   sample.motion = to_sample(state.twist);
   sample.force = to_sample(sent.force);

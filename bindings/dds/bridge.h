@@ -44,7 +44,8 @@ class Bridge {
   int run(const std::atomic<bool>& is_ending);
 
  private:
-  double now() const;  // s, on this site's clock
+  static double now();    // s, on this site's clock
+  double shift() const;   // s: the server's clock minus that. Throws forceserver::Error
   void open_ros();
   void turn();
   void look_at_server(double now);

@@ -381,6 +381,7 @@ ContentReader::PartsRef ContentReader::open(Kind kind, const std::string& key, u
 
 void ContentReader::close(Kind kind, const std::string& key, const PartsRef& parts, uint32_t piece) {
   parts->has[piece] = true;
+  parts->arrived = now_;
   // It is on its way: were it written again now, that would replace what DDS is still sending, and it would begin anew.
   const auto wanted = wanted_.find(key);
   if (wanted != wanted_.end()) wanted->second = now_;
@@ -430,7 +431,7 @@ void ContentReader::close(Kind kind, const std::string& key, const PartsRef& par
 void ContentReader::keep(const ContentRef& content, const std::string& key) {
   wanted_.erase(key);
   if (!content) {
-    if (bad_.size() < most_pieces) bad_.insert(key);
+    if (bad_.size() < most_pieces) bad_[key] = now_;
     return;
   }
   ready_[key].content = content;
@@ -460,6 +461,13 @@ void ContentReader::drop_unused(double now) {
   for (auto& [key, ready] : ready_) {
     if (ready.content.use_count() > 1 || ready.used == 0) ready.used = now;
   }
+  // Their writer may be gone. What is needed is asked for anew.
+  std::erase_if(parts_, [&](const auto& entry) {
+    const bool is_over = !entry.second->is_being_made && now - entry.second->arrived > kept;
+    if (is_over) bytes_ -= entry.second->bytes;
+    return is_over;
+  });
+  std::erase_if(bad_, [&](const auto& entry) { return now - entry.second > kept; });
   std::erase_if(ready_, [&](const auto& entry) { return now - entry.second.used > kept; });
   std::erase_if(wanted_, [&](const auto& entry) { return now - entry.second > 600; });  // its objects have gone
 }

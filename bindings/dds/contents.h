@@ -85,6 +85,7 @@ class ContentReader {
   struct Parts {
     uint32_t pieces = 0, received = 0;
     size_t bytes = 0;
+    double arrived = 0;  // s, when the newest piece came
     bool is_being_made = false;
     std::vector<bool> has;
     // Of each piece:
@@ -111,7 +112,7 @@ class ContentReader {
     double used = 0;  // s, last known to be used
   };
   std::map<std::string, Ready> ready_;
-  std::set<std::string> bad_;               // contents that cannot be made
+  std::map<std::string, double> bad_;      // contents that cannot be made, and when that was tried, s
   std::map<std::string, double> wanted_;  // since when nothing of it has come, s
   double now_ = 0;                          // s, of the last take
   size_t bytes_ = 0;                        // of parts

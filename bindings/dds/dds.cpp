@@ -43,7 +43,8 @@ std::string configuration(const Participant::Settings& settings) {
     out += "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>100</MaxAutoParticipantIndex><Peers>" + peers +
            "</Peers>";
   }
-  return out + "</Discovery></Domain></CycloneDDS>";
+  // At its end a writer does not wait for readers that are lost: wait_for_readers() has.
+  return out + "</Discovery><Internal><WriterLingerDuration>10 ms</WriterLingerDuration></Internal></Domain></CycloneDDS>";
 }
 
 // What Cyclone DDS writes to its log, in words for people where they are known; each sentence at most once a minute.

@@ -56,7 +56,7 @@ void copy_wanted(const From& from, To& to) {
 }  // namespace
 
 void Edits::ask(double now) {
-  incoming_.take_edits([&](const Incoming::LocalEdit& edit) { ask(edit, now); });
+  incoming_.take_edits([&](const Incoming::LocalEdit& edit) { ask(edit, now); }, now);
   for (; !to_ask_.empty(); to_ask_.pop_front()) {
     if (!room_.edits.writer.write(to_ask_.front())) break;
   }
@@ -94,11 +94,12 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
     object.contents.put_keys(before);
     sample.parts = differing(wanted, before);
     if (sample.parts == 0) return;
-    wanted.time = edit.site.clock.to_theirs(wanted.time);
-    wanted.start = edit.site.clock.to_theirs(wanted.start);
-    const auto& motion = wanted.motion;
-    const bool stands = is_same(motion, forceserver_Twist{});
-    wanted.horizon = stands ? 0 : 0.1;
+    wanted.time = edit.site.clock.to_theirs(wanted.time - incoming_.shift());
+    wanted.start = edit.site.clock.to_theirs(wanted.start - incoming_.shift());
+    for (const fs_motion& motion : edit.client.scene.get_motions_since(edit.client.name.c_str(), edit.client.motions_seen)) {
+      edit.client.motions_seen = std::max(edit.client.motions_seen, motion.motion_revision);
+      if (edit.object == motion.name) wanted.horizon = motion.horizon;
+    }
     copy_wanted(wanted, sample.wanted);
     for (const ContentRef& content : {contents.shape, contents.surface, contents.front, contents.back}) {
       if (!content) continue;
@@ -221,8 +222,11 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       }
       if (edit.parts & FS_PART_POSE) {
         change.pose = wanted.pose;
-        change.twist = wanted.twist;
-        change.time = asked.horizon > 0 && site ? site->clock.to_ours(wanted.time) : FS_NOW;
+        change.twist = {};
+        // A motion that ends earlier than all motions of a set would go on for too long.
+        constexpr double whole = 0.1;  // s
+        if (edit.wanted.horizon >= whole) change.twist = wanted.twist;
+        change.time = asked.horizon > 0 && site ? site->clock.to_ours(wanted.time) + incoming_.shift() : FS_NOW;
       }
       if (!is_whole) return false;
       scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));

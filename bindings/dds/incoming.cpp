@@ -15,6 +15,15 @@ constexpr double phase_error = 0.02;  // s: so far the start of an f(d, t) may b
 constexpr double kept_empty = 5;    // s: so long the connection of a client without objects is kept
 constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 64;
 
+// The numbers of a status that are used.
+bool makes_sense(const forceserver_Status& s) {
+  for (const double value : {s.workspace_radius, s.workspace_height, s.workspace_angle, s.force_max, s.torque_max, s.device_damping,
+                             s.mass, s.rate, s.max_stiffness, s.damping, s.delay, s.motion_rate}) {
+    if (!(value >= 0 && value <= 1e12)) return false;
+  }
+  return true;
+}
+
 fs_twist twist_of(const forceserver_Moved& moved) {
   const float* const t = moved.twist;
   if (!(moved.horizon > 0)) return {};
@@ -48,15 +57,15 @@ void Incoming::take(double now) {
 void Incoming::take_status(double now) {
   room_.status.reader.take([&](const forceserver_Status& sample, const dds_sample_info_t& info) {
     const std::string name = text_of(sample.site);
-    if (name == settings_.site) twin_ = info.instance_state == DDS_ALIVE_INSTANCE_STATE && info.valid_data ? sample.session : 0;
-    if (!is_site_name(name) || name == settings_.site || (!sites_.count(name) && sites_.size() >= most_sites)) return;
+    if (name == settings_.site) return note_twin(sample, info, now);
+    if (!is_site_name(name) || (!sites_.count(name) && sites_.size() >= most_sites)) return;
     if (info.instance_state != DDS_ALIVE_INSTANCE_STATE) {
       if (RemoteSite* const lost = find(name)) {
         lose(*lost, info.instance_state == DDS_NOT_ALIVE_DISPOSED_INSTANCE_STATE ? "has left" : "was lost");
       }
       return;
     }
-    if (!info.valid_data) return;
+    if (!info.valid_data || !makes_sense(sample)) return;
     RemoteSite& here = site(name, now);
     tell_of(here, sample);
     const bool has_other_device = here.is_known && here.status.workspace_radius != sample.workspace_radius;
@@ -74,6 +83,15 @@ void Incoming::take_status(double now) {
       for (auto& [client_name, client] : here.clients) client.is_view_due = true;
     }
   });
+}
+
+// Another bridge of this site's name counts when it says so again and again: one that has just been killed may still be heard.
+void Incoming::note_twin(const forceserver_Status& sample, const dds_sample_info_t& info, double now) {
+  constexpr double certain = 1.5;  // s
+  const bool is_there = info.instance_state == DDS_ALIVE_INSTANCE_STATE && info.valid_data;
+  if (!is_there || sample.session != twin_seen_) twin_since_ = now;
+  twin_seen_ = is_there ? sample.session : 0;
+  twin_ = is_there && now - twin_since_ >= certain ? sample.session : 0;
 }
 
 // What people should know of another site, when it is new.
@@ -98,9 +116,16 @@ void Incoming::lose(RemoteSite& site, const char* how) {
 void Incoming::take_clients(double now) {
   room_.clients.reader.take([&](const forceserver_ClientView& sample, const dds_sample_info_t& info) {
     const std::string name = text_of(sample.site);
-    if (!info.valid_data || info.instance_state != DDS_ALIVE_INSTANCE_STATE || !is_site_name(name) || name == settings_.site) return;
+    if (!is_site_name(name) || name == settings_.site) return;
+    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE) {
+      RemoteSite* const there = find(name);
+      const auto gone = there ? there->clients.find(text_of(sample.client)) : std::map<std::string, RemoteClient>::iterator{};
+      if (there && gone != there->clients.end()) gone->second.view.reset();
+      return;
+    }
+    if (!info.valid_data || (!sites_.count(name) && sites_.size() >= most_sites)) return;
     RemoteSite& here = site(name, now);
-    if (here.clients.size() >= most_clients) return;
+    if (here.clients.size() >= most_clients && !here.clients.count(text_of(sample.client))) return;
     RemoteClient& client = here.clients[text_of(sample.client)];
     client.view = sample;
     client.view->tool = {};
@@ -179,6 +204,7 @@ void Incoming::move(RemoteSite& site, const forceserver_Motions& sample, double 
     if (sample.session != object->second.sample.session || moved.revision <= object->second.motion_revision) continue;
     object->second.motion_revision = moved.revision;
     put_moved(object->second.sample, moved);
+    client->second.moving.insert(object->first);
     if (now < object->second.held_until) client->second.due.insert(object->first);
     else if (object->second.is_set && client->second.scene) by_client[&client->second].push_back(&moved);
   }
@@ -189,7 +215,7 @@ void Incoming::move(RemoteSite& site, const forceserver_Motions& sample, double 
         const fs_pose pose = to_c(moved->place);
         const fs_twist twist = twist_of(*moved);
         const fs_status status =
-            fs_object_move(client->scene.get(), text_of(moved->name).c_str(), &pose, &twist, site.clock.to_ours(moved->time));
+            fs_object_move(client->scene.get(), text_of(moved->name).c_str(), &pose, &twist, to_server(site, moved->time));
         if (status == FS_ERROR_DISCONNECTED) has_lost_server_ = true;
       }
       group.commit();
@@ -212,10 +238,15 @@ void Incoming::apply(double now) {
       if (client.name.empty()) client.name = name_at_site(it->first, name);
       if (has_news) {
         for (auto& [object_name, object] : client.objects) {
-          if (!object.is_set && !object.is_gone) client.due.insert(object_name);
+          if (object.waits) client.due.insert(object_name);
         }
       }
+      if (!client.refused.empty() && now >= client.next_retry) {
+        client.due.merge(client.refused);
+        client.next_retry = now + 2 * retry;
+      }
       apply(site, client, now);
+      end_motions(site, client, now);
       if (!client.objects.empty()) client.empty_since = now;
       if (client.objects.empty() && now - client.empty_since > kept_empty) client.scene = {};
       const bool is_over = client.objects.empty() && !client.scene && !client.view;
@@ -285,10 +316,7 @@ void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
   if (!connect(client, now)) return;
   const std::set<std::string> due = std::exchange(client.due, {});
   try {
-    forceserver::Group group(client.scene);
-    if (std::exchange(client.is_view_due, false)) apply_view(site, client);
-    for (const std::string& name : due) apply_object(site, client, name, now);
-    group.commit();
+    change_together(site, client, due, now);
   } catch (const forceserver::Error& error) {
     if (error.status() == FS_ERROR_DISCONNECTED) {
       has_lost_server_ = true;
@@ -299,6 +327,37 @@ void Incoming::apply(RemoteSite& site, RemoteClient& client, double now) {
     client.is_view_due = client.view.has_value();
     client.next_try = now + retry;
   }
+}
+
+// Removals come first, as they make room. All else is felt from one tick on. A solid mesh and a radius exclude each other, so the
+// one that gives way comes before the other.
+void Incoming::change_together(RemoteSite& site, RemoteClient& client, const std::set<std::string>& due, double now) {
+  const auto apply_those = [&](bool are_gone) {
+    std::optional<forceserver::Group> group;
+    if (now > client.alone_until) group.emplace(client.scene);
+    bool has_view = false, has_radius = true;
+    if (!are_gone) {
+      has_view = std::exchange(client.is_view_due, false) && client.view;
+      if (has_view) apply_view(site, client);
+      if (has_view) has_radius = apply_radius(client);
+    }
+    for (const std::string& name : due) {
+      const auto object = client.objects.find(name);
+      if (object != client.objects.end() && object->second.is_gone == are_gone) apply_object(site, client, name, now);
+    }
+    if (!has_radius && !apply_radius(client)) {
+      complain("the radius of the tool of " + client.name + ": " + fs_last_error());
+      client.is_view_due = true;
+      client.next_try = now + retry;
+    }
+    if (group) group->commit();
+  };
+  const auto is_gone = [&](const std::string& name) {
+    const auto object = client.objects.find(name);
+    return object != client.objects.end() && object->second.is_gone;
+  };
+  if (std::any_of(due.begin(), due.end(), is_gone)) apply_those(true);
+  apply_those(false);
 }
 
 // The frame of another site's client leads to that site's device, and on to ours.
@@ -332,14 +391,57 @@ void Incoming::apply_view(RemoteSite& site, RemoteClient& client) {
     tell(error.status(), "the frame");
   }
   if (!client.tool.empty()) tell(fs_scene_set_tool(scene, client.tool.data(), client.tool.size()), "the tool");
-  tell(fs_scene_set_tool_radius(scene, client.view->tool_radius), "the radius of the tool");
+}
+
+bool Incoming::apply_radius(RemoteClient& client) {
+  const fs_status status = fs_scene_set_tool_radius(client.scene.get(), client.view->tool_radius);
+  if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
+  return status == FS_OK;
+}
+
+// What does not fit in now may later. It is told once.
+void Incoming::refuse(RemoteClient& client, const std::string& name, const char* why) {
+  if (client.told.insert(name).second) complain(client.name + "/" + name + ": " + why);
+  client.refused.insert(name);
+}
+
+// A motion lasts for its horizon, which the server does not know: then the object stands where it has come. True: it stands now.
+bool Incoming::end_motion(const RemoteSite& site, RemoteObject& object, double now) const {
+  forceserver_ForceObject& sample = object.sample;
+  if (!(sample.horizon > 0) || now < site.clock.to_ours(sample.time) + sample.horizon) return false;
+  fs_motion motion{};
+  motion.pose = to_c(sample.place);
+  motion.twist = to_c(sample.motion);
+  motion.horizon = std::fmin(sample.horizon, 0.1);
+  fs_pose end;
+  if (fs_motion_at(&motion, 1, &end) == FS_OK) sample.place = to_sample(end);
+  sample.motion = {};
+  sample.time += sample.horizon;
+  sample.horizon = 0;
+  return true;
+}
+
+void Incoming::end_motions(RemoteSite& site, RemoteClient& client, double now) {
+  std::erase_if(client.moving, [&](const std::string& name) {
+    const auto found = client.objects.find(name);
+    if (found == client.objects.end() || !(found->second.sample.horizon > 0)) return true;
+    RemoteObject& object = found->second;
+    if (!end_motion(site, object, now)) return false;
+    if (now < object.held_until) client.due.insert(name);
+    if (now < object.held_until || !object.is_set || !client.scene) return true;
+    const fs_pose pose = to_c(object.sample.place);
+    const fs_twist rest{};
+    const fs_status status = fs_object_move(client.scene.get(), name.c_str(), &pose, &rest, to_server(site, object.sample.time));
+    if (status == FS_ERROR_DISCONNECTED) has_lost_server_ = true;
+    return true;
+  });
 }
 
 fs_object Incoming::to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const {
   fs_object out = to_c(object.sample, name);
   if (!object.is_set || std::fabs(object.offset - site.clock.offset()) > phase_error) object.offset = site.clock.offset();
-  out.start += object.offset;
-  out.time = object.sample.horizon > 0 ? site.clock.to_ours(out.time) : FS_NOW;
+  out.start += object.offset + shift_;
+  out.time = object.sample.horizon > 0 ? to_server(site, out.time) : FS_NOW;
   object.contents.put_handles(out);
   return out;
 }
@@ -365,9 +467,12 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
     if (!content) is_whole = false;
     return content;
   };
+  end_motion(site, object, now);
+  if (object.sample.horizon > 0) client.moving.insert(name);
   const forceserver_ForceObject& sample = object.sample;
   ContentsOfObject contents{get(text_of(sample.form)), get(text_of(sample.finish)), get(text_of(sample.front.curve)),
                             get(text_of(sample.back.curve))};
+  object.waits = !is_whole;
   if (!is_whole) return;  // what it had stays, until its contents have come
   const bool is_right = (!contents.shape || contents.shape->shape) && (!contents.surface || contents.surface->surface) &&
                         (!contents.front || contents.front->curve) && (!contents.back || contents.back->curve);
@@ -380,7 +485,9 @@ void Incoming::apply_object(RemoteSite& site, RemoteClient& client, const std::s
   const fs_status status = fs_object_set(client.scene.get(), &local);
   if (status == FS_ERROR_DISCONNECTED) throw forceserver::Error(status);
   object.is_set = object.is_set || status == FS_OK;
-  if (status < 0) complain(client.name + "/" + name + ": " + fs_last_error());
+  if (status == FS_OK) client.told.erase(name);
+  if (status == FS_ERROR_FULL || status == FS_ERROR_UNSUPPORTED) refuse(client, name, fs_last_error());
+  else if (status < 0) complain(client.name + "/" + name + ": " + fs_last_error());
 }
 
 void Incoming::forget_server() {
@@ -399,10 +506,10 @@ void Incoming::forget_server() {
 
 void Incoming::forget_sites() {
   sites_.clear();
-  twin_ = 0;
+  twin_ = twin_seen_ = 0;
 }
 
-void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
+void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f, double now) {
   for (auto& [site_name, site] : sites_) {
     for (auto& [client_name, client] : site.clients) {
       fs_event event{};
@@ -410,7 +517,11 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f) {
         if (event.kind == FS_EVENT_DISCONNECTED) has_lost_server_ = true;
         if (event.kind == FS_EVENT_DISCONNECTED) break;
         if (event.kind == FS_EVENT_REFUSED) {
-          complain(client.name + "/" + event.name + " was refused: " + event.text);
+          // With a group it has refused all that was in it.
+          refuse(client, event.name, event.text);
+          for (const auto& [object_name, object] : client.objects) client.refused.insert(object_name);
+          client.next_retry = now + 2 * retry;
+          client.alone_until = client.next_retry + 10 * retry;
         }
         const auto object = client.objects.find(event.name);
         if (event.kind != FS_EVENT_EDITED || object == client.objects.end() || object->second.is_gone) continue;

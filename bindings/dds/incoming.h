@@ -22,6 +22,7 @@ struct RemoteObject {
   bool is_gone = false;            // it has to be removed
   bool is_set = false;             // the server has it
   double offset = 0;               // s, with which its start was mapped to our clock
+  bool waits = false;              // for a content that has not come
   double held_until = -1e300;      // s: somebody here edits it, and until the owner has answered it stays as it is here
 };
 
@@ -31,10 +32,15 @@ struct RemoteClient {
   forceserver::Scene scene;        // empty: not connected
   std::map<std::string, RemoteObject> objects;
   std::set<std::string> due;       // objects that are to be set or removed
+  std::set<std::string> refused;   // objects that did not fit in; they are tried again
+  std::set<std::string> told;      // objects of which that was said
+  std::set<std::string> moving;    // objects whose motion ends, unless a newer one comes
   std::optional<forceserver_ClientView> view;
   std::vector<fs_vec3> tool;
   bool is_view_due = false;
-  double next_try = 0, empty_since = 0;  // s
+  double next_try = 0, next_retry = 0, empty_since = 0;  // s
+  uint64_t motions_seen = 0;       // as of fs_scene_get_motions_since
+  double alone_until = -1e300;     // s: until then objects are set one by one, as the server has refused a group
   bool is_refused = false;         // the server does not let it in, which was told
 };
 
@@ -84,6 +90,9 @@ class Incoming {
   void forget_sites();     // their objects fade
   // The connection of another site's client, for what it asks for here; made where there is none. Null: it cannot be had.
   const forceserver::Scene* scene_of(const std::string& site, const std::string& client, double now);
+  // The server's clock minus that of this site, s: not 0 where its servo is virtual.
+  void set_shift(double shift) noexcept { shift_ = shift; }
+  double shift() const noexcept { return shift_; }
   void set_device(const fs_device_info& device) { device_ = device; }
 
   std::map<std::string, RemoteSite>& sites() noexcept { return sites_; }
@@ -91,10 +100,11 @@ class Incoming {
   bool has_lost_server() const noexcept { return has_lost_server_; }
   uint64_t twin() const noexcept { return twin_; }  // the session of another bridge with this site's name; 0: there is none
   // Calls f for each edit of other sites' objects by somebody else at this server.
-  void take_edits(const std::function<void(const LocalEdit&)>& f);
+  void take_edits(const std::function<void(const LocalEdit&)>& f, double now);
   void set_again(RemoteSite& site, RemoteClient& client, const std::string& object);  // as its owner has it
   // The object as it is set at this server, with its handles. It lives as long as `object`.
   fs_object to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const;
+
 
  private:
   RemoteSite& site(const std::string& name, double now);
@@ -103,6 +113,7 @@ class Incoming {
   void take_clients(double now);
   void take_motions(double now);
   void take_object(const forceserver_ForceObject& sample, bool is_gone, double now);
+  void note_twin(const forceserver_Status& sample, const dds_sample_info_t& info, double now);
   static void tell_of(const RemoteSite& site, const forceserver_Status& sample);
   void lose(RemoteSite& site, const char* how);
   void collect(RemoteSite& site, double now);
@@ -110,6 +121,12 @@ class Incoming {
   void apply(RemoteSite& site, RemoteClient& client, double now);
   bool connect(RemoteClient& client, double now);
   void apply_view(RemoteSite& site, RemoteClient& client);
+  bool apply_radius(RemoteClient& client);
+  void end_motions(RemoteSite& site, RemoteClient& client, double now);
+  bool end_motion(const RemoteSite& site, RemoteObject& object, double now) const;
+  double to_server(const RemoteSite& site, double time) const { return site.clock.to_ours(time) + shift_; }
+  void refuse(RemoteClient& client, const std::string& name, const char* why);
+  void change_together(RemoteSite& site, RemoteClient& client, const std::set<std::string>& due, double now);
   void apply_object(RemoteSite& site, RemoteClient& client, const std::string& name, double now);
   void move(RemoteSite& site, const forceserver_Motions& sample, double now);
   fs_frame frame_at(const RemoteSite& site, const forceserver_ClientView& view) const;
@@ -119,8 +136,10 @@ class Incoming {
   const Settings settings_;
   fs_device_info device_ = fs_device_info_init();
   std::map<std::string, RemoteSite> sites_;
+  double shift_ = 0;
   bool has_lost_server_ = false;
-  uint64_t twin_ = 0;
+  uint64_t twin_ = 0, twin_seen_ = 0;
+  double twin_since_ = 0;  // s
   uint64_t news_ = 0;  // of contents
 };
 

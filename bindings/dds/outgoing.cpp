@@ -22,15 +22,18 @@ bool Outgoing::is_sent(const std::string& client) const {
   return client != own_name_ && client.find('@') == std::string::npos;
 }
 
-void Outgoing::look(const SceneRef& scene, const std::string& own_name, double now) {
+void Outgoing::look(const SceneRef& scene, const std::string& own_name, double now, double shift) {
+  shift_ = shift;
   own_name_ = own_name;
   now_ = now;
   std::vector<std::string> changed;
-  for (const fs_motion& motion : scene->get_motions_since(nullptr, seen_)) {
+  for (fs_motion motion : scene->get_motions_since(nullptr, seen_)) {
+    motion.time -= shift;
     seen_ = std::max(seen_, motion.motion_revision);
     note(motion, now, changed);
   }
-  if (now >= next_others_ || now < next_others_ - 1) {
+  // What is new may take the place of what is gone, so that is told first.
+  if (!changed.empty() || now >= next_others_ || now < next_others_ - 1) {
     next_others_ = now + others_period;
     remove_missing(scene, now);
     note_views(*scene);
@@ -160,13 +163,15 @@ void Outgoing::keep(std::vector<Fetched>& fetched) {
     for (const ContentRef& content : {before.shape, before.surface, before.front, before.back}) {
       if (content) contents_.unuse(content->key, now_);
     }
+    one.object.time -= shift_;
+    one.object.start -= shift_;
     const bool is_older = one.object.time < known.motion.time;
     const fs_twist& twist = one.object.twist;
     const bool stands = twist.linear.x == 0 && twist.linear.y == 0 && twist.linear.z == 0 && twist.angular.x == 0 &&
                         twist.angular.y == 0 && twist.angular.z == 0;
     put_object(sample, one.object);
     known.contents.put_keys(sample);
-    sample.horizon = stands ? 0 : 0.1;
+    sample.horizon = stands ? 0 : one.object.time == known.motion.time ? known.motion.horizon : 0.1;
     if (is_older) {
       sample.place = to_sample(known.motion.pose);
       sample.motion = to_sample(known.motion.twist);

@@ -36,8 +36,9 @@ class Outgoing {
   Outgoing(const Room& room, Worker& worker, std::string site, uint64_t session)
       : room_(room), worker_(worker), site_(std::move(site)), session_(session), contents_(room) {}
 
-  // Looks at what the server's clients have. now: s, the scene's clock. Throws forceserver::Error.
-  void look(const SceneRef& scene, const std::string& own_name, double now);
+  // Looks at what the server's clients have. now: s, this site's clock; shift: the scene's clock minus that. Throws
+  // forceserver::Error.
+  void look(const SceneRef& scene, const std::string& own_name, double now, double shift);
   // Writes what is due, as far as readers follow. now: as above.
   void write(double now);
   void forget(double now);       // the server is gone: its objects are taken back
@@ -103,7 +104,7 @@ class Outgoing {
   std::deque<forceserver_ForceObject> gone_;
   std::deque<forceserver_ClientView> gone_clients_;
   Pace pace_{25e6 / 8, 256e3};
-  double now_ = 0;
+  double now_ = 0, shift_ = 0;
   uint64_t seen_ = 0;      // motion_revision
   uint64_t revision_ = 0, change_ = 0, number_ = 0;
   uint64_t generation_ = 0;  // grows when the server is lost: what was fetched before does not count

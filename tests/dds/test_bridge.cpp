@@ -252,6 +252,120 @@ START_TEST(a_group_stays_together) {
 }
 END_TEST
 
+// What is felt already gets other contents: each of them comes, and all that was changed with it.
+START_TEST(an_object_gets_other_contents) {
+  const RoomName room;
+  const Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  fs_object object = fs_object_init("mesh", FS_PRIMITIVE_MESH);
+  object.back = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 100, 0, 3);
+  for (int i = 1; i <= 5; ++i) {
+    const Shape shape = make_waves(10 + i);
+    const Curve curve = make_expression(("1+" + std::to_string(i) + "*exp(-d/0.01)").c_str());
+    object.shape = shape.get();
+    object.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_REPULSIVE, i, 0, 4);
+    object.front.curve = curve.get();
+    object.front.reach = 0.05;
+    object.enabled = i < 5;
+    object.pose.position.x = 0.001 * i;
+    app.object_set(object);
+    EVENTUALLY(([&] {
+      if (!has_object(viewer, "app@lab/mesh")) return false;
+      const Object there = viewer.object_get("app@lab/mesh");
+      size_t points = 0;
+      fs_shape_get_points(there.shape, &points);
+      return points == size_t((11 + i) * (11 + i)) && there.front.gain == i && there.pose.position.x == 0.001 * i &&
+             there.enabled == (i < 5);
+    }()));
+    if (i == 1) EVENTUALLY(weight_of(viewer, "app@lab/mesh") == 1);
+  }
+}
+END_TEST
+
+// The owner's object comes to rest where its motion ends, which is earlier than 0.1 s after the last of some quick moves.
+START_TEST(a_motion_ends_where_it_ends_at_the_owner) {
+  const RoomName room;
+  const Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  const auto place = [](const Scene& scene, const char* client) {
+    const std::vector<fs_motion> motions = scene.get_motions(client);
+    fs_pose pose{};
+    if (!motions.empty()) OK(fs_motion_at(&motions[0], scene.get_time(), &pose));
+    return pose.position;
+  };
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  EVENTUALLY(has_object(viewer, "app@lab/spring"));
+  for (const double pause : {0.003, 0.007, 0.015, 0.04}) {
+    app.object_move("spring", at({0.03, 0, 0}), nullptr, FS_NOW);
+    wait_a_little(0.5);
+    app.object_move("spring", at({0.03, 0.005, 0}), nullptr, FS_NOW);
+    wait_a_little(pause);
+    app.object_move("spring", at({0.03, 0.01, 0}), nullptr, FS_NOW);
+    wait_a_little(0.6);
+    const fs_vec3 here = place(app, nullptr);
+    EVENTUALLY(norm(place(viewer, "app@lab") - here) == 0);
+  }
+}
+END_TEST
+
+// At a server that has no room for all, what did not fit in comes when there is room.
+START_TEST(a_server_that_is_full) {
+  const RoomName room;
+  SiteOptions small;
+  small.server.max_objects = 5;
+  small.fade = 0.1;  // as many more may be fading out, and no more
+  const Site lab(room, "lab", small), desk(room, "desk", small);
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  const auto set = [&](char first) {
+    forceserver::Group group(app);
+    app.clear();
+    for (int i = 0; i < 5; ++i) app.object_set(spring_at(std::string(1, first) + std::to_string(i), {0.03, 0, 0}));
+    group.commit();
+  };
+  const auto has = [&](char first) {
+    if (objects_of(viewer, "app@lab") != 5) return false;
+    for (const fs_motion& motion : viewer.get_motions("app@lab")) {
+      if (motion.name[8] != first) return false;
+    }
+    return true;
+  };
+  for (const char first : {'z', 'm', 'x', 'a'}) {
+    set(first);
+    const bool has_come = eventually([&] { return has(first); });
+    wait_a_little(0.3);
+    ck_assert_msg(has_come, "%c has not come: %s", first, desk.bridge.output().c_str());
+  }
+}
+END_TEST
+
+START_TEST(a_radius_and_a_solid_mesh_give_way_to_each_other) {
+  const RoomName room;
+  const Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  const Shape waves = make_waves(10);
+  fs_object solid = fs_object_init("solid", FS_PRIMITIVE_MESH);
+  solid.shape = waves.get();
+  solid.contact.keep = FS_KEEP_FRONT;
+  solid.contact.stiffness = 300;
+  solid.contact.limit = 3;
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  const auto radius = [&] {
+    fs_view view{};
+    return fs_scene_get_view(viewer.get(), "app@lab", &view) == FS_OK ? view.point_radius : -1;
+  };
+  for (int i = 0; i < 3; ++i) {
+    app.set_tool_radius(0);
+    app.object_set(solid);
+    EVENTUALLY(has_object(viewer, "app@lab/solid") && radius() == 0);
+    forceserver::Group group(app);
+    app.object_remove("solid");
+    app.set_tool_radius(0.01);
+    group.commit();
+    EVENTUALLY(!has_object(viewer, "app@lab/solid") && radius() == 0.01);
+  }
+}
+END_TEST
+
 START_TEST(frame_tool_and_clutch_come_along) {
   const RoomName room;
   const Site lab(room, "lab"), desk(room, "desk");
@@ -461,7 +575,9 @@ END_TEST
 int main() {
   Suite* const suite = suite_create("bridge");
   add_case(suite, "objects", {an_object_is_the_same_at_the_other_site, forces_are_those_of_the_place_of_the_hand, moves_are_followed, a_fast_motion_is_not_exaggerated,
-                              a_group_stays_together, frame_tool_and_clutch_come_along, a_frame_is_scaled_to_the_device,
+                              a_group_stays_together,
+                              an_object_gets_other_contents, a_motion_ends_where_it_ends_at_the_owner, a_server_that_is_full,
+                              a_radius_and_a_solid_mesh_give_way_to_each_other, frame_tool_and_clutch_come_along, a_frame_is_scaled_to_the_device,
                               what_is_removed_goes, a_lifetime_runs_at_the_owners_site, names_that_are_too_long_are_cut});
   add_case(suite, "answers", {an_edit_reaches_the_owner, a_dragged_object_does_not_spring_back, an_edit_that_is_refused_is_undone, a_stop_stops_all_sites});
   return run_suite(suite);

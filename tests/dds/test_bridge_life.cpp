@@ -122,6 +122,45 @@ START_TEST(a_bridge_that_does_not_listen_for_a_while) {
 }
 END_TEST
 
+// A bridge ends at once also when another has just been lost, which will never take what was written for it.
+START_TEST(a_bridge_ends_beside_one_that_is_lost) {
+  const RoomName room;
+  Site lab(room, "lab"), desk(room, "desk");
+  const Scene app = lab.connect("app"), viewer = desk.connect("viewer");
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  EVENTUALLY(weight_of(viewer, felt) == 1);
+  desk.bridge.send(SIGSTOP);
+  for (int i = 0; i < 20; ++i) app.object_set(spring_at("s" + std::to_string(i), {0.001 * i, 0, 0}));
+  wait_a_little(0.5);
+  const double start = app.get_time();
+  ck_assert_int_eq(lab.bridge.end(), 0);
+  const double took = app.get_time() - start;
+  ck_assert_msg(took < 4, "it took %g s", took);  // on a busy machine; 9 s were seen
+}
+END_TEST
+
+// The clock of a virtual servo is another one, and may stand still.
+START_TEST(a_server_in_virtual_time) {
+  const RoomName room;
+  Site lab(room, "lab");
+  const Scene app = lab.connect("app");
+  app.object_set(spring_at("spring", {0.03, 0, 0}));
+  const FakeDevice fake(room.room + "virtual");
+  const Device device = fake.open();
+  const Scene own = make_scene();
+  const Servo servo = start_servo(own.get(), device.get(), virtual_options());
+  const Server server = Server::start(servo, "shm:" + room.room + "virtual");
+  const Stepper stepper(servo.get());
+  const Process bridge({BRIDGE, "shm:" + room.room + "virtual", "--site", "virtual", "--room", room.room, "--domain", room.domain});
+  const Scene viewer = Scene::connect("shm:" + room.room + "virtual", "viewer");
+  EVENTUALLY(has_object(viewer, felt));
+  app.object_set(spring_at("later", {0.03, 0, 0}));
+  EVENTUALLY(has_object(viewer, "app@lab/later"));
+  viewer.object_set(spring_at("there", {0, 0, 0}));
+  EVENTUALLY(has_object(app, "viewer@virtual/there"));
+}
+END_TEST
+
 START_TEST(two_sites_of_one_name) {
   const RoomName room;
   Site lab(room, "lab"), desk(room, "desk");
@@ -346,8 +385,8 @@ int main() {
   Suite* const suite = suite_create("life of bridges");
   add_case(suite, "bridges", {who_comes_late_gets_all, a_bridge_that_is_killed, a_bridge_that_is_started_again, a_bridge_that_ends,
                               a_bridge_that_is_stopped_for_a_while, a_bridge_that_does_not_listen_for_a_while,
-                              two_sites_of_one_name, a_bridge_started_twice_at_one_server});
-  add_case(suite, "servers", {a_server_that_goes_and_comes_back, a_mirror_shows_the_hand});
+                              two_sites_of_one_name, a_bridge_ends_beside_one_that_is_lost, a_bridge_started_twice_at_one_server});
+  add_case(suite, "servers", {a_server_that_goes_and_comes_back, a_server_in_virtual_time, a_mirror_shows_the_hand});
   add_case(suite, "many", {ten_thousand_objects, three_hundred_objects_move, a_large_mesh_does_not_hold_up_motions});
   tcase_add_loop_test(new_case(suite, "command line"), a_bad_command_line_is_refused, 0,
                       sizeof bad_lines / sizeof bad_lines[0]);
