@@ -330,6 +330,30 @@ def test_stopped():
     return finish(sites)
 
 
+def test_names():
+    """An application that gives each object a new name."""
+    sites = a, b = [Site(n) for n in (1, 2)]
+    a.do("add 0 10")
+    check_same("all is there", sites, 20)
+
+    def megabytes():
+        lines = [pathlib.Path(f"/proc/{site.bridge.pid}/status").read_text() for site in sites]
+        return [int(re.search(r"VmRSS:\s+(\d+)", text)[1]) / 1000 for text in lines]
+
+    for k in range(1, 13):
+        a.do(f"add {1000 * k} 500")
+        good = within(10, lambda: len(b.look(a)) == 510) is not None
+        a.do(f"remove {1000 * k} 500")
+        good = within(10, lambda: len(b.look(a)) == 10) is not None and good
+        if k == 2:
+            before = megabytes()
+        if not good:
+            check(f"500 objects come and go, {k}", False)
+    grown = [now - then for now, then in zip(megabytes(), before)]
+    check("names that are gone cost no memory", max(grown) < 8, f"{grown[0]:.1f} and {grown[1]:.1f} MB more after 5000 names")
+    return finish(sites)
+
+
 try:
     sys.exit({name: f for name, f in globals().items() if name.startswith("test_")}["test_" + sys.argv[4]]())
 except RuntimeError as error:
