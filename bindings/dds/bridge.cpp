@@ -62,8 +62,8 @@ double Bridge::shift() const {
 int Bridge::run(const std::atomic<bool>& is_ending) {
   const std::string network = options_.network.network;
   say("site " + options_.site + " is in room " + options_.network.partition + " (domain " +
-      std::to_string(options_.network.domain) + ", interface " + network + (options_.network.security.empty() ? ", not encrypted" : ", encrypted") +
-      "); Ctrl-C ends");
+      std::to_string(options_.network.domain) + ", interface " + network +
+      (options_.network.security.empty() ? ", not encrypted" : ", encrypted") + "); Ctrl-C ends");
   if (!options_.mirrors.empty()) say("waits for site " + options_.mirrors + ", whose hand it shows");
   while (!is_ending) {
     participant_.wait(scene_ ? std::clamp(next_hand_ - now(), 0.0, 0.01) : 0.01);
@@ -427,7 +427,7 @@ void Bridge::write_status(double time) {
   std::vector<std::string> keys = contents_.wanted(time);
   std::vector<std::array<char, 33>> wanted(keys.size());
   for (size_t i = 0; i < keys.size(); ++i) keys[i].copy(wanted[i].data(), 32);
-  sample.wanted._buffer = reinterpret_cast<char(*)[33]>(wanted.data());
+  sample.wanted._buffer = reinterpret_cast<char (*)[33]>(wanted.data());
   sample.wanted._length = sample.wanted._maximum = static_cast<uint32_t>(wanted.size());
   if (!room_->status.writer.write(sample)) next_status_ = time + 0.05;
 }
@@ -471,7 +471,8 @@ void Bridge::look_for_deaf_sites(double time) {
       deaf_since_.try_emplace(name, time);
     }
   }
-  const bool is_deaf = std::any_of(deaf_since_.begin(), deaf_since_.end(), [&](const auto& e) { return time - e.second > patience; });
+  const bool is_deaf =
+      std::any_of(deaf_since_.begin(), deaf_since_.end(), [&](const auto& e) { return time - e.second > patience; });
   if (silent_since_ < 0 && deaf_since_.empty()) join_wait_ = 30;
   const bool is_given_up = is_deaf || (is_silent && time - silent_since_ > patience);
   if (!is_given_up || time < next_join_) return;

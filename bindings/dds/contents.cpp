@@ -395,9 +395,10 @@ void ContentReader::close(Kind kind, const std::string& key, const PartsRef& par
         const std::vector<uint32_t> indices = joined(parts->triangles);
         fs_shape* shape = nullptr;
         const bool is_mesh = parts->shape.primitive == FS_PRIMITIVE_MESH;
-        forceserver::throw_on_error(
-            is_mesh ? fs_shape_create_mesh(points.data(), points.size(), indices.data(), indices.size() / 3, &shape)
-                    : fs_shape_create_polyline(points.data(), points.size(), parts->shape.is_closed, &shape));
+        forceserver::throw_on_error(is_mesh
+                                        ? fs_shape_create_mesh(points.data(), points.size(), indices.data(), indices.size() / 3,
+                                                               &shape)
+                                        : fs_shape_create_polyline(points.data(), points.size(), parts->shape.is_closed, &shape));
         const forceserver::Shape owned(shape);
         made = content_of(owned.get());
       } else if (kind == curve_kind) {

@@ -34,8 +34,8 @@ std::string configuration(const Participant::Settings& settings) {
   std::string peers;
   for (const std::string& peer : settings.peers) peers += "<Peer address=\"" + escaped(peer) + "\"/>";
   if (is_local) peers += "<Peer address=\"127.0.0.1\"/>";
-  std::string out = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"" + escaped(settings.network) +
-         "\"/></Interfaces>";
+  std::string out =
+      "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"" + escaped(settings.network) + "\"/></Interfaces>";
   if (is_local) out += "<AllowMulticast>false</AllowMulticast>";
   out += "</General><Discovery>";
   if (!peers.empty()) {
@@ -97,7 +97,8 @@ Participant::Participant(const Settings& settings) : settings_(settings) {
 }
 
 void Participant::join_again() {
-  for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_}) Entity(std::move(*entity));
+  for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_})
+    Entity(std::move(*entity));
   join();
 }
 
@@ -142,14 +143,16 @@ Entity Participant::make_topic(const std::string& name, const dds_topic_descript
   return Entity(dds_create_topic(get(), &type, name.c_str(), nullptr, nullptr), "the topic " + name);
 }
 
-Entity Participant::make_writer(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room) const {
+Entity Participant::make_writer(const std::string& topic, const dds_topic_descriptor_t& type, Service service,
+                                bool in_room) const {
   const Entity made = make_topic(topic, type);
   const Qos qos = qos_of(service, false);
   const Entity& publisher = in_room ? publisher_ : open_publisher_;
   return Entity(dds_create_writer(publisher.get(), made.get(), qos.get(), nullptr), "a writer of " + topic);
 }
 
-Entity Participant::make_reader(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room) const {
+Entity Participant::make_reader(const std::string& topic, const dds_topic_descriptor_t& type, Service service,
+                                bool in_room) const {
   const Entity made = make_topic(topic, type);
   const Qos qos = qos_of(service, true);
   const Entity& subscriber = in_room ? subscriber_ : open_subscriber_;

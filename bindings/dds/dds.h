@@ -36,10 +36,10 @@ Qos make_qos();
 
 // How a topic is sent.
 enum class Service {
-  state,    // RELIABLE, TRANSIENT_LOCAL, KEEP_LAST 1: who comes later gets what is. With a liveliness lease
-  stream,   // BEST_EFFORT, KEEP_LAST 1
+  state,  // RELIABLE, TRANSIENT_LOCAL, KEEP_LAST 1: who comes later gets what is. With a liveliness lease
+  stream,  // BEST_EFFORT, KEEP_LAST 1
   request,  // RELIABLE, VOLATILE, KEEP_ALL
-  ros,      // RELIABLE, VOLATILE, KEEP_LAST 10: the default of ROS 2
+  ros,  // RELIABLE, VOLATILE, KEEP_LAST 10: the default of ROS 2
 };
 
 // Of a topic's struct: its name, description and service.
@@ -51,11 +51,11 @@ class Participant {
  public:
   struct Settings {
     uint32_t domain = 0;
-    std::string partition;            // empty: the default one
-    std::string network;              // the name of an interface, such as "eth0"; "lo": this machine only
-    std::vector<std::string> peers;   // addresses of machines that multicast does not reach
-    std::string security;             // a folder with keys (make-keys); empty: none
-    double lease = 1;                 // s, liveliness
+    std::string partition;  // empty: the default one
+    std::string network;  // the name of an interface, such as "eth0"; "lo": this machine only
+    std::vector<std::string> peers;  // addresses of machines that multicast does not reach
+    std::string security;  // a folder with keys (make-keys); empty: none
+    double lease = 1;  // s, liveliness
   };
   explicit Participant(const Settings& settings);  // throws std::runtime_error
   // Leaves the domain and joins it as somebody new. Throws std::runtime_error. What was made of it has to be gone.
@@ -75,7 +75,7 @@ class Participant {
   Qos qos_of(Service service, bool is_reader) const;
 
   const Settings settings_;
-  Entity domain_, waitset_, woken_;          // these stay: another thread may wake
+  Entity domain_, waitset_, woken_;  // these stay: another thread may wake
   Entity participant_, publisher_, subscriber_;
   Entity open_publisher_, open_subscriber_;  // of the default partition
 };

@@ -229,7 +229,8 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
         change.time = asked.horizon > 0 && site ? site->clock.to_ours(wanted.time) + incoming_.shift() : FS_NOW;
       }
       if (!is_whole) return false;
-      scene->object_change(change, edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));
+      scene->object_change(change,
+                           edit.parts & (FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER));
     }
     say(name + " was " + (edit.removes ? "removed" : "edited") + " by " + text_of(edit.editor) + " at site " + from);
     answer(edit, FS_OK, "");

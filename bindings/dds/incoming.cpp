@@ -17,8 +17,8 @@ constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 64;
 
 // The numbers of a status that are used.
 bool makes_sense(const forceserver_Status& s) {
-  for (const double value : {s.workspace_radius, s.workspace_height, s.workspace_angle, s.force_max, s.torque_max, s.device_damping,
-                             s.mass, s.rate, s.max_stiffness, s.damping, s.delay, s.motion_rate}) {
+  for (const double value : {s.workspace_radius, s.workspace_height, s.workspace_angle, s.force_max, s.torque_max,
+                             s.device_damping, s.mass, s.rate, s.max_stiffness, s.damping, s.delay, s.motion_rate}) {
     if (!(value >= 0 && value <= 1e12)) return false;
   }
   return true;
@@ -100,7 +100,9 @@ void Incoming::tell_of(const RemoteSite& site, const forceserver_Status& sample)
   const bool is_on = sample.enabled, is_new = !site.is_known;
   if (is_new) {
     say(name + " is here" + (*sample.device ? " with " + text_of(sample.device) : "") +
-        (!sample.has_server ? ", without a server" : is_on ? "" : "; " + stopped));
+        (!sample.has_server ? ", without a server"
+         : is_on            ? ""
+                            : "; " + stopped));
   } else if (site.status.has_server != sample.has_server) {
     say(name + (sample.has_server ? " has a server" : " has lost its server: its objects fade"));
   } else if (sample.has_server && site.status.enabled != sample.enabled) {
@@ -157,7 +159,8 @@ void Incoming::take_object(const forceserver_ForceObject& sample, bool is_gone, 
   RemoteClient& client = here.clients[client_name];
   if (!client.objects.count(name) && (is_gone || here.objects >= most_objects)) return;
   RemoteObject& object = client.objects[name];
-  if (object.object_revision && !is_gone && sample.session == object.sample.session && sample.revision <= object.object_revision) {
+  if (object.object_revision && !is_gone && sample.session == object.sample.session &&
+      sample.revision <= object.object_revision) {
     return;  // an older one, or the same again
   }
   if (object.object_revision) {

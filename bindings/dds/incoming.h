@@ -105,7 +105,6 @@ class Incoming {
   // The object as it is set at this server, with its handles. It lives as long as `object`.
   fs_object to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const;
 
-
  private:
   RemoteSite& site(const std::string& name, double now);
   void take_status(double now);

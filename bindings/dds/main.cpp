@@ -15,7 +15,7 @@ std::atomic<bool> is_ending{false};
 void end(int) { is_ending = true; }
 
 void end_on_signals() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = end;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
@@ -68,12 +68,17 @@ int run(int argc, char** argv) {
   app.add_option("--room", network.partition, "the room that sites share")->capture_default_str();
   app.add_option("--interface", network.network, "the network interface, such as eth0")->capture_default_str();
   app.add_option("--peer", network.peers, "the address of a machine that multicast does not reach; may be repeated");
-  app.add_option("--domain", network.domain, "the domain of DDS; with --security at most 230")->check(CLI::Range(0, 232))->capture_default_str();
+  app.add_option("--domain", network.domain, "the domain of DDS; with --security at most 230")
+      ->check(CLI::Range(0, 232))
+      ->capture_default_str();
   app.add_option("--security", network.security, "a folder with the keys of this site (make-keys)");
   app.add_flag("--open", is_open, "no keys on a network: then anyone there can push the hand");
   app.add_option("--lease", network.lease, "seconds after which a site that says nothing is lost, and its objects fade")
-      ->check(CLI::Range(0.1, 3600.0))->capture_default_str();
-  app.add_option("--hand-rate", options.hand_rate, "Hz, how often the hand is told")->check(CLI::Range(1.0, 1000.0))->capture_default_str();
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  app.add_option("--hand-rate", options.hand_rate, "Hz, how often the hand is told")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
   app.add_option("--frame", frames,
                  "SITE=SCALE[,X,Y,Z]: metres of that site's device per metre of this one, and where its centre is here; by "
                  "default workspaces are made to fit; may be repeated");
@@ -83,23 +88,32 @@ int run(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_flag("--no-stop", options.no_stop, "with --mirror: a client cannot end the force");
   app.add_flag("--ros", options.ros, "writes the hand as topics of ROS 2, /forceserver/SITE/pose and others");
-  app.add_option("--follow", follow, "OBJECT=/TOPIC or CLIENT/OBJECT=/TOPIC: the object goes where a PoseStamped of ROS 2 says; without a client it is one of the server's own scene; may be repeated");
+  app.add_option(
+      "--follow", follow,
+      "OBJECT=/TOPIC or CLIENT/OBJECT=/TOPIC: the object goes where a PoseStamped of ROS 2 says; without a client it is one of the server's own scene; may be repeated");
   try {
     app.parse(argc, argv);
-    if (!bridge::is_site_name(options.site)) throw CLI::ValidationError("--site", "is '" + options.site + "', must be 1 to 20 of a-z 0-9 _ . -");
+    if (!bridge::is_site_name(options.site))
+      throw CLI::ValidationError("--site", "is '" + options.site + "', must be 1 to 20 of a-z 0-9 _ . -");
     // '*' and '?' would be all rooms.
-    const bool is_room = !network.partition.empty() && network.partition.size() <= 63 &&
-                         network.partition.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") == std::string::npos;
+    const bool is_room =
+        !network.partition.empty() && network.partition.size() <= 63 &&
+        network.partition.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
+            std::string::npos;
     if (!is_room) throw CLI::ValidationError("--room", "is '" + network.partition + "', must be 1 to 63 of a-z A-Z 0-9 _ . -");
-    if (options.mirrors.empty() == server.empty()) throw CLI::ValidationError("SERVER", "give either the server of this machine, or --listen and --mirror");
-    if (options.mirrors.empty() != listen.empty()) throw CLI::ValidationError("--listen", "belongs to --mirror, and --mirror needs it");
+    if (options.mirrors.empty() == server.empty())
+      throw CLI::ValidationError("SERVER", "give either the server of this machine, or --listen and --mirror");
+    if (options.mirrors.empty() != listen.empty())
+      throw CLI::ValidationError("--listen", "belongs to --mirror, and --mirror needs it");
     if (!options.mirrors.empty() && (!bridge::is_site_name(options.mirrors) || options.mirrors == options.site)) {
       throw CLI::ValidationError("--mirror", "is '" + options.mirrors + "', must be the name of another site");
     }
     if (network.network != "lo" && network.security.empty() && !is_open) {
-      throw CLI::ValidationError("--interface", "on a network anyone could push the hand: give --security, or --open if that is what you want");
+      throw CLI::ValidationError("--interface",
+                                 "on a network anyone could push the hand: give --security, or --open if that is what you want");
     }
-    if (!network.security.empty() && network.domain > 230) throw CLI::ValidationError("--domain", "must be at most 230 with --security");
+    if (!network.security.empty() && network.domain > 230)
+      throw CLI::ValidationError("--domain", "must be at most 230 with --security");
     if (is_open && !network.security.empty()) throw CLI::ValidationError("--open", "and --security exclude each other");
     for (const std::string& frame : frames) options.frames.insert(parse_frame(frame));
     for (const std::string& each : follow) {

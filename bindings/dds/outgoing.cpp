@@ -18,9 +18,7 @@ constexpr double object_bytes = 900;       // of a sample, with what DDS adds, a
 
 }  // namespace
 
-bool Outgoing::is_sent(const std::string& client) const {
-  return client != own_name_ && client.find('@') == std::string::npos;
-}
+bool Outgoing::is_sent(const std::string& client) const { return client != own_name_ && client.find('@') == std::string::npos; }
 
 void Outgoing::look(const SceneRef& scene, const std::string& own_name, double now, double shift) {
   shift_ = shift;

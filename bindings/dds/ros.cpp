@@ -28,8 +28,9 @@ geometry_msgs_msg_dds__Vector3_ to_ros(const forceserver_Vec3& v) { return {v.x,
 // description is sent, none is compared.
 dds_topic_descriptor_t by_name(const dds_topic_descriptor_t& type) {
   const uint32_t flags = type.m_flagset & ~static_cast<uint32_t>(DDS_TOPIC_XTYPES_METADATA);
-  return {type.m_size, type.m_align, flags, type.m_nkeys, type.m_typename, type.m_keys, type.m_nops, type.m_ops, type.m_meta, {}, {},
-          type.restrict_data_representation};
+  return {type.m_size,     type.m_align, flags,       type.m_nkeys,
+          type.m_typename, type.m_keys,  type.m_nops, type.m_ops,
+          type.m_meta,     {},           {},          type.restrict_data_representation};
 }
 
 // Topics of ROS are in the default partition.

@@ -13,7 +13,8 @@ namespace bridge {
 class RosTopics {
  public:
   // follow: "client/object" to a topic of PoseStamped.
-  RosTopics(const Participant& participant, const std::string& site, bool writes, const std::map<std::string, std::string>& follow);
+  RosTopics(const Participant& participant, const std::string& site, bool writes,
+            const std::map<std::string, std::string>& follow);
   ~RosTopics();
   void write(const forceserver_Hand& hand);
   void follow(const forceserver::Scene& scene);

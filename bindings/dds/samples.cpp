@@ -43,7 +43,9 @@ fs_profile to_c(const forceserver_Profile& profile) {
 }  // namespace
 
 bool is_site_name(std::string_view name) {
-  const auto is_allowed = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '.' || c == '-'; };
+  const auto is_allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '.' || c == '-';
+  };
   return !name.empty() && name.size() <= 20 && std::all_of(name.begin(), name.end(), is_allowed);
 }
 

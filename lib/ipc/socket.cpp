@@ -144,9 +144,11 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   out.text = given;
   const std::string shown = shortened(given);  // in sentences
   if (out.text.starts_with("dds:")) {
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': the library does not speak DDS; connect to the server of this machine (shm:NAME), and join the servers of "
-         "several machines by the program forceserver-bridge",
-         shown.c_str());
+    fail(
+        FS_ERROR_UNSUPPORTED,
+        "endpoint is '%s': the library does not speak DDS; connect to the server of this machine (shm:NAME), and join the servers of "
+        "several machines by the program forceserver-bridge",
+        shown.c_str());
   }
   if (!out.text.starts_with("shm:")) {
     fail(FS_ERROR_INVALID, "endpoint is '%s', must begin with shm:", shown.c_str());
