@@ -11,7 +11,7 @@ namespace {
 constexpr double together = 0.05;   // s: so long the objects of a change wait for each other
 constexpr double settling = 0.3;    // s: a new site's objects are set when its motions have come, too
 constexpr double retry = 1;         // s
-constexpr double phase_error = 0.02;  // s: so far the start of an f(d, t) may be off; when it is changed the force jumps
+constexpr double phase_error = 0.01;  // s: so far the start of an f(d, t) may be off; when it is changed the force jumps
 constexpr double kept_empty = 5;    // s: so long the connection of a client without objects is kept
 constexpr size_t most_objects = 65536, most_clients = 4096, most_sites = 64;
 
