@@ -291,15 +291,14 @@ void tell(std::ostream& out, const fs_profile& p) {
 }
 
 // All that must be the same at all sites, with all digits.
-std::string text_of(const fs_object& object) {
+// Where it is going to stand counts, as the motion that led there may be over at one site already.
+std::string text_of(const fs_object& object, const fs_motion& motion) {
   std::ostringstream out;
   out << std::hexfloat << object.primitive << ' ' << object.enabled << ' ' << object.tool_points << ' ' << object.damping << " at";
-  const fs_pose& p = object.pose;
+  fs_pose p;
+  forceserver::throw_on_error(fs_motion_at(&motion, motion.time + 1, &p));
   const fs_quat& q = p.orientation;
   for (const double value : {p.position.x, p.position.y, p.position.z, q.w, q.x, q.y, q.z}) out << ' ' << value;
-  const fs_twist& t = object.twist;
-  out << " going";
-  for (const double value : {t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y, t.angular.z}) out << ' ' << value;
   out << " feels";
   tell(out, object.front);
   tell(out, object.back);
@@ -330,7 +329,7 @@ std::string look(const Scene& scene, const std::string& client) {
     for (const fs_motion& each : scene.get_motions(client.c_str())) {
       const forceserver::Object object = scene.object_get(each.name);
       const std::string name = each.name;
-      out << (out.tellp() > 1 ? ", " : "") << '"' << name.substr(name.find('/') + 1) << "\": [\"" << text_of(object)
+      out << (out.tellp() > 1 ? ", " : "") << '"' << name.substr(name.find('/') + 1) << "\": [\"" << text_of(object, each)
           << "\", " << object.start << ']';
     }
   }
