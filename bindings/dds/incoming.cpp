@@ -418,8 +418,8 @@ bool Incoming::end_motion(const RemoteSite& site, RemoteObject& object, double n
   motion.horizon = std::fmin(sample.horizon, 0.1);
   fs_pose end;
   if (fs_motion_at(&motion, 1, &end) == FS_OK) sample.place = to_sample(end);
+  // Its time stays: a later one would make the server take the next move for an older one.
   sample.motion = {};
-  sample.time += sample.horizon;
   sample.horizon = 0;
   return true;
 }
@@ -444,7 +444,7 @@ fs_object Incoming::to_local(const RemoteSite& site, RemoteObject& object, const
   fs_object out = to_c(object.sample, name);
   if (!object.is_set || std::fabs(object.offset - site.clock.offset()) > phase_error) object.offset = site.clock.offset();
   out.start += object.offset + shift_;
-  out.time = object.sample.horizon > 0 ? to_server(site, out.time) : FS_NOW;
+  out.time = to_server(site, out.time);
   object.contents.put_handles(out);
   return out;
 }
