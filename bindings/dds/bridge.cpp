@@ -38,7 +38,7 @@ Bridge::Bridge(const Options& options)
     : options_(options), session_(make_session()), participant_(options.network), room_(std::in_place, participant_),
       worker_([this] { participant_.wake(); }), contents_(*room_, worker_), outgoing_(*room_, worker_, options.site, session_),
       incoming_(*room_, contents_, {options.endpoint, options.site, options.frames}),
-      edits_(*room_, incoming_, contents_, outgoing_.contents(), options.site) {
+      edits_(*room_, incoming_, contents_, outgoing_.contents(), options.site, session_) {
   open_ros();
   if (!options.mirrors.empty()) register_mirror();
 }
@@ -83,6 +83,8 @@ void Bridge::turn() {
   take_stops();
   take_answers(time);
   if (!scene_) connect(time);
+  if (!scene_) incoming_.forget_gone(time);
+  if (!options_.mirrors.empty() && !incoming_.find(options_.mirrors)) show_no_hand();
   if (scene_) {
     try {
       look_at_server(time);
@@ -144,9 +146,9 @@ void Bridge::open_mirror() {
 
 void Bridge::connect(double time) {
   if (!is_due(next_try_, time, retry)) return;
-  if (!options_.mirrors.empty() && !mirror_.server) open_mirror();
-  if (!options_.mirrors.empty() && !mirror_.server) return;
   try {
+    if (!options_.mirrors.empty() && !mirror_.server) open_mirror();
+    if (!options_.mirrors.empty() && !mirror_.server) return;
     own_name_ = "bridge";
     auto scene = std::make_shared<const forceserver::Scene>(forceserver::Scene::connect(options_.endpoint, own_name_));
     device_ = scene->get_device_info();
@@ -176,7 +178,7 @@ void Bridge::lose_server(double time) {
   next_try_ = time + retry;
 }
 
-// The bridge that was started first stays.
+// The bridge that was started first, by the time of the day, stays.
 bool Bridge::is_twin() {
   const uint64_t twin = incoming_.twin();
   if (twin == 0) return has_twin_told_ = false;
@@ -220,8 +222,8 @@ void Bridge::take_pings(double time) {
 
 void Bridge::write_ping(double time) {
   bool is_new = false;
-  for (const auto& [name, site] : incoming_.sites()) is_new |= !site.clock.is_known() || time - site.first_seen < 2;
-  if (!is_due(next_ping_, time, is_new ? 0.1 : 1)) return;
+  for (const auto& [name, site] : incoming_.sites()) is_new |= time - site.first_seen < 2;
+  if (!is_due(next_ping_, time, is_new ? 0.2 : 1)) return;
   std::vector<forceserver_Echo> echoes;
   std::erase_if(pinged_, [&](const auto& entry) { return !incoming_.find(entry.first); });
   for (const auto& [name, pinged] : pinged_) {
@@ -509,7 +511,8 @@ void Bridge::leave() {
   put_text(sample.site, options_.site);
   sample.session = session_;
   room_->status.writer.dispose(sample);
-  participant_.wait_for_readers(0.5);
+  room_->objects.writer.wait_for_readers(0.5);
+  room_->status.writer.wait_for_readers(0.2);
 }
 
 }  // namespace bridge

@@ -43,7 +43,7 @@ std::string configuration(const Participant::Settings& settings) {
     out += "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>100</MaxAutoParticipantIndex><Peers>" + peers +
            "</Peers>";
   }
-  // At its end a writer does not wait for readers that are lost: wait_for_readers() has.
+  // At its end a writer does not wait for readers that are lost: who wants to wait calls wait_for_readers().
   return out + "</Discovery><Internal><WriterLingerDuration>10 ms</WriterLingerDuration></Internal></Domain></CycloneDDS>";
 }
 
@@ -98,7 +98,7 @@ Participant::Participant(const Settings& settings) : settings_(settings) {
 
 void Participant::join_again() {
   for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_})
-    Entity(std::move(*entity));
+    *entity = {};
   join();
 }
 
@@ -166,10 +166,6 @@ void Participant::wait(double seconds) const {
   dds_waitset_wait(waitset_.get(), nullptr, 0, static_cast<dds_duration_t>(seconds * 1e9));
   bool was_woken;
   dds_take_guardcondition(woken_.get(), &was_woken);
-}
-
-void Participant::wait_for_readers(double seconds) const {
-  dds_wait_for_acks(publisher_.get(), static_cast<dds_duration_t>(seconds * 1e9));
 }
 
 void Participant::wake() const { dds_set_guardcondition(woken_.get(), true); }

@@ -8,6 +8,8 @@
 
 #include <dds/dds.h>
 
+#include "say.h"
+
 namespace bridge {
 
 class Entity {
@@ -58,7 +60,7 @@ class Participant {
     double lease = 1;  // s, liveliness
   };
   explicit Participant(const Settings& settings);  // throws std::runtime_error
-  // Leaves the domain and joins it as somebody new. Throws std::runtime_error. What was made of it has to be gone.
+  // Leaves the domain and joins it as somebody new. Throws std::runtime_error. Destroy all readers and writers of it first.
   void join_again();
 
   dds_entity_t get() const noexcept { return participant_.get(); }
@@ -66,7 +68,6 @@ class Participant {
   Entity make_reader(const std::string& topic, const dds_topic_descriptor_t& type, Service service, bool in_room = true) const;
   // Waits for a sample, s at most.
   void wait(double seconds) const;
-  void wait_for_readers(double seconds) const;  // until they have all that was written; s at most
   void wake() const;  // ends the wait; any thread
 
  private:
@@ -96,11 +97,15 @@ class Writer {
 
   // False: it cannot be written now, because readers are too far behind; nothing was done.
   bool write(const T& sample) const { return is_done(dds_write(writer_.get(), &sample)); }
-  // With all of its fields. DDS forgets it when all have it: else it would keep each name that was ever used, for who comes late.
+  // Sends the whole sample, not only its key. Then DDS need not keep each name that was ever used for who comes late.
   bool dispose(const T& sample) const {
     if (!is_done(dds_writedispose(writer_.get(), &sample))) return false;
     dds_unregister_instance(writer_.get(), &sample);
     return true;
+  }
+  // Until all readers that are there have what was written; s at most.
+  void wait_for_readers(double seconds) const {
+    dds_wait_for_acks(writer_.get(), static_cast<dds_duration_t>(seconds * 1e9));
   }
   bool has_readers() const {
     dds_publication_matched_status_t status{};
@@ -108,7 +113,11 @@ class Writer {
   }
 
  private:
-  static bool is_done(dds_return_t code) { return code == DDS_RETCODE_OK; }
+  // A sample that DDS refuses for good must not hold up those behind it: it is told, and counts as written.
+  static bool is_done(dds_return_t code) {
+    if (code != DDS_RETCODE_OK && code != DDS_RETCODE_TIMEOUT) complain(std::string("DDS refuses a ") + TopicOf<T>::name + ": " + dds_strretcode(code));
+    return code != DDS_RETCODE_TIMEOUT;
+  }
   Entity writer_;
 };
 

@@ -8,7 +8,8 @@
 namespace bridge {
 namespace {
 
-constexpr double patience = 3;  // s: for an answer, and for the contents of an edit
+constexpr double patience = 60;  // s: of the owner, for the contents of an edit
+constexpr double answer_time = 3;  // s: of who asks; where contents go along the owner's patience comes on top
 constexpr double echo = 0.2;    // s from an answer until the owner's object has come, too
 
 bool is_same(const forceserver_Profile& a, const forceserver_Profile& b) {
@@ -64,7 +65,7 @@ void Edits::ask(double now) {
     if (!room_.answers.writer.write(to_answer_.front())) break;
   }
   for (auto it = asked_.begin(); it != asked_.end();) {
-    if (now - it->second.since < patience) {
+    if (now < it->second.until) {
       ++it;
       continue;
     }
@@ -76,7 +77,7 @@ void Edits::ask(double now) {
 void Edits::ask(const Incoming::LocalEdit& edit, double now) {
   RemoteObject& object = edit.client.objects.at(edit.object);
   forceserver_Edit sample{};
-  Asked asked{edit.site.name, text_of(object.sample.client), edit.object, {}, now};
+  Asked asked{edit.site.name, text_of(object.sample.client), edit.object, {}, now + answer_time};
   put_text(sample.site, asked.site);
   put_text(sample.client, asked.client);
   put_text(sample.name, edit.object);
@@ -105,14 +106,19 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
       if (!content) continue;
       writer_.use(content);
       asked.contents.push_back(content->key);
+      asked.until = now + answer_time + patience;
     }
   } catch (const forceserver::Error& error) {
-    if (error.status() != FS_ERROR_NOT_FOUND) return;
+    if (error.status() != FS_ERROR_NOT_FOUND) {
+      complain(edit.client.name + "/" + edit.object + " was edited, but cannot be looked at: " + error.what());
+      edit.client.due.insert(edit.object);  // as its owner has it
+      return;
+    }
     sample.removes = true;
     object.is_set = false;
   }
   // What the owner sends meanwhile is older than the edit: an editor that drags the object would feel it spring back.
-  object.held_until = now + patience;
+  object.held_until = asked.until;
   to_ask_.push_back(sample);
   asked_.emplace(sample.number, std::move(asked));
 }
@@ -144,7 +150,7 @@ void Edits::hold(const Asked& asked, double until) {
 
 void Edits::take_answer(const forceserver_Answer& answer, double now) {
   const auto found = asked_.find(answer.number);
-  if (found == asked_.end()) return;
+  if (found == asked_.end() || text_of(answer.answerer) != found->second.site) return;
   hold(found->second, answer.result < 0 ? now : now + echo);
   if (answer.result < 0) {
     undo(found->second, text_of(answer.text), now);

@@ -12,8 +12,9 @@ namespace bridge {
 
 class Edits {
  public:
-  Edits(const Room& room, Incoming& incoming, ContentReader& contents, ContentWriter& writer, std::string site)
-      : room_(room), incoming_(incoming), contents_(contents), writer_(writer), site_(std::move(site)) {}
+  Edits(const Room& room, Incoming& incoming, ContentReader& contents, ContentWriter& writer, std::string site,
+        uint64_t session)
+      : room_(room), incoming_(incoming), contents_(contents), writer_(writer), site_(std::move(site)), number_(session) {}
 
   // Asks the owners of other sites' objects that somebody edited at this server.
   void ask(double now);
@@ -25,7 +26,7 @@ class Edits {
   struct Asked {
     std::string site, client, object;
     std::vector<std::string> contents;  // that are kept for it
-    double since = 0;                   // s
+    double until = 0;                   // s: then there is no answer any more
   };
   struct Waiting {  // an edit by another site whose contents have not come
     forceserver_Edit sample;
@@ -46,7 +47,7 @@ class Edits {
   std::deque<forceserver_Edit> to_ask_;
   std::deque<forceserver_Answer> to_answer_;
   std::deque<Waiting> waiting_;
-  uint64_t number_ = 0;
+  uint64_t number_;  // of the newest edit; those of an earlier session had smaller ones
 };
 
 }  // namespace bridge

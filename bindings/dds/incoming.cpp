@@ -24,6 +24,15 @@ bool makes_sense(const forceserver_Status& s) {
   return true;
 }
 
+bool is_finite(const forceserver_Moved& moved) {
+  const auto& [position, q] = moved.place;
+  double sum = position.x + position.y + position.z + q.w + q.x + q.y + q.z + moved.time + moved.horizon;
+  for (const float value : moved.twist) sum += value;
+  return std::isfinite(sum);
+}
+
+bool is_of_other_site(const std::string& client) { return client.find('@') != std::string::npos; }
+
 fs_twist twist_of(const forceserver_Moved& moved) {
   const float* const t = moved.twist;
   if (!(moved.horizon > 0)) return {};
@@ -127,7 +136,8 @@ void Incoming::take_clients(double now) {
     }
     if (!info.valid_data || (!sites_.count(name) && sites_.size() >= most_sites)) return;
     RemoteSite& here = site(name, now);
-    if (here.clients.size() >= most_clients && !here.clients.count(text_of(sample.client))) return;
+    const bool is_full = here.clients.size() >= most_clients && !here.clients.count(text_of(sample.client));
+    if (is_full || is_of_other_site(text_of(sample.client))) return;
     RemoteClient& client = here.clients[text_of(sample.client)];
     client.view = sample;
     client.view->tool = {};
@@ -155,6 +165,7 @@ void Incoming::take_objects(double now) {
 void Incoming::take_object(const forceserver_ForceObject& sample, bool is_gone, double now) {
   RemoteSite& here = site(text_of(sample.site), now);
   const std::string client_name = text_of(sample.client), name = text_of(sample.name);
+  if (is_of_other_site(client_name)) return;
   if (!here.clients.count(client_name) && (is_gone || here.clients.size() >= most_clients)) return;
   RemoteClient& client = here.clients[client_name];
   if (!client.objects.count(name) && (is_gone || here.objects >= most_objects)) return;
@@ -204,6 +215,7 @@ void Incoming::move(RemoteSite& site, const forceserver_Motions& sample, double 
     if (client == site.clients.end()) continue;
     const auto object = client->second.objects.find(text_of(moved.name));
     if (object == client->second.objects.end() || object->second.is_gone) continue;
+    if (!is_finite(moved)) continue;
     if (sample.session != object->second.sample.session || moved.revision <= object->second.motion_revision) continue;
     object->second.motion_revision = moved.revision;
     put_moved(object->second.sample, moved);
@@ -255,6 +267,17 @@ void Incoming::apply(double now) {
       const bool is_over = client.objects.empty() && !client.scene && !client.view;
       it = is_over ? site.clients.erase(it) : std::next(it);
     }
+  }
+}
+
+void Incoming::forget_gone(double now) {
+  for (auto& [name, site] : sites_) {
+    collect(site, now);
+    for (auto& [client_name, client] : site.clients) {
+      std::erase_if(client.objects, [](const auto& object) { return object.second.is_gone; });
+      std::erase_if(client.due, [&](const std::string& object) { return !client.objects.count(object); });
+    }
+    std::erase_if(site.clients, [](const auto& client) { return client.second.objects.empty() && !client.second.view; });
   }
 }
 
@@ -517,8 +540,10 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f, double
     for (auto& [client_name, client] : site.clients) {
       fs_event event{};
       while (client.scene && fs_scene_next_event(client.scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
-        if (event.kind == FS_EVENT_DISCONNECTED) has_lost_server_ = true;
-        if (event.kind == FS_EVENT_DISCONNECTED) break;
+        if (event.kind == FS_EVENT_DISCONNECTED) {
+          has_lost_server_ = true;
+          break;
+        }
         if (event.kind == FS_EVENT_REFUSED) {
           // With a group it has refused all that was in it.
           refuse(client, event.name, event.text);
@@ -528,7 +553,7 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f, double
         }
         const auto object = client.objects.find(event.name);
         if (event.kind != FS_EVENT_EDITED || object == client.objects.end() || object->second.is_gone) continue;
-        f({site, client, event.name, event.text, false});
+        f({site, client, event.name, event.text});
       }
     }
   }

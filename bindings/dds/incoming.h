@@ -34,7 +34,7 @@ struct RemoteClient {
   std::set<std::string> due;       // objects that are to be set or removed
   std::set<std::string> refused;   // objects that did not fit in; they are tried again
   std::set<std::string> told;      // objects of which that was said
-  std::set<std::string> moving;    // objects whose motion ends, unless a newer one comes
+  std::set<std::string> moving;    // objects that move; they are stopped when their horizon is over
   std::optional<forceserver_ClientView> view;
   std::vector<fs_vec3> tool;
   bool is_view_due = false;
@@ -62,7 +62,6 @@ struct RemoteSite {
   std::map<uint64_t, Change> changes;  // that are not complete
   uint32_t objects = 0;            // and their digest, as in Held
   uint64_t digest = 0;
-  uint64_t motions_number = 0;
   double phase_time = 0;           // s, when the starts of its f(d, t) were looked at
 };
 
@@ -78,7 +77,6 @@ class Incoming {
     RemoteSite& site;
     RemoteClient& client;
     std::string object, editor;
-    bool is_removed;
   };
 
   Incoming(const Room& room, ContentReader& contents, Settings settings)
@@ -88,6 +86,7 @@ class Incoming {
   void apply(double now);  // what is due, at the server
   void forget_server();    // it is gone: all has to be set again
   void forget_sites();     // their objects fade
+  void forget_gone(double now);  // instead of apply, while there is no server
   // The connection of another site's client, for what it asks for here; made where there is none. Null: it cannot be had.
   const forceserver::Scene* scene_of(const std::string& site, const std::string& client, double now);
   // The server's clock minus that of this site, s: not 0 where its servo is virtual.

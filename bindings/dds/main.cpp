@@ -2,6 +2,7 @@
 #include <signal.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 
 #include <CLI/CLI.hpp>
@@ -43,7 +44,7 @@ std::pair<std::string, fs_frame> parse_frame(const std::string& text) {
   int end = 0;
   const char* const numbers = equals == std::string::npos ? "" : text.c_str() + equals + 1;
   const int count = std::sscanf(numbers, "%lf%n,%lf,%lf,%lf%n", &frame.scale, &end, &p.x, &p.y, &p.z, &end);
-  const bool is_whole = (count == 1 || count == 4) && numbers[end] == '\0';
+  const bool is_whole = (count == 1 || count == 4) && numbers[end] == '\0' && std::isfinite(frame.scale + p.x + p.y + p.z);
   if (!is_whole || !(frame.scale > 0) || !bridge::is_site_name(text.substr(0, equals))) {
     throw CLI::ValidationError("--frame", "is '" + text + "', must be SITE=SCALE or SITE=SCALE,X,Y,Z, such as lab=2");
   }
@@ -108,6 +109,8 @@ int run(int argc, char** argv) {
     if (!options.mirrors.empty() && (!bridge::is_site_name(options.mirrors) || options.mirrors == options.site)) {
       throw CLI::ValidationError("--mirror", "is '" + options.mirrors + "', must be the name of another site");
     }
+    if (options.mirrors.empty() && (options.client_force > 0 || options.no_stop)) throw CLI::ValidationError("--client-force, --no-stop", "belong to --mirror; otherwise give them to `forceserver run`");
+    if (!options.mirrors.empty() && options.ros) throw CLI::ValidationError("--ros", "belongs to the site whose hand it is");
     if (network.network != "lo" && network.security.empty() && !is_open) {
       throw CLI::ValidationError("--interface",
                                  "on a network anyone could push the hand: give --security, or --open if that is what you want");

@@ -47,7 +47,7 @@ void put_moved(forceserver_ForceObject& out, const forceserver_Moved& moved);
 void put_view(forceserver_ClientView& out, const fs_view& view);  // but for the points
 fs_frame frame_of(const forceserver_ClientView& view);
 
-// Adds the status of one object to the digest of a site (forceserver.idl, Held).
+// What one object adds to the digest of a site (forceserver.idl, HeldObjects).
 uint64_t digest_of(const std::string& client, const std::string& name, uint64_t revision);
 
 }  // namespace bridge

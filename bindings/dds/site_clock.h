@@ -15,7 +15,7 @@ class SiteClock {
   void note_round_trip(double time, double now) { note(round_trips_, std::max(0.0, time), now); }
 
   bool is_known() const noexcept { return !arrivals_.empty() && !round_trips_.empty(); }
-  // Our clock minus theirs, s. Before a round trip is known it is too large by the way.
+  // Our clock minus theirs, s. Before a round trip is known it is too large by the one-way delay.
   double offset() const noexcept { return least(arrivals_) - delay(); }
   double delay() const noexcept { return round_trips_.empty() ? 0 : least(round_trips_) / 2; }  // s, of the shortest way
   double to_ours(double time) const noexcept { return time + offset(); }
