@@ -97,8 +97,7 @@ Participant::Participant(const Settings& settings) : settings_(settings) {
 }
 
 void Participant::join_again() {
-  for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_})
-    *entity = {};
+  for (Entity* const entity : {&open_subscriber_, &open_publisher_, &subscriber_, &publisher_, &participant_}) *entity = {};
   join();
 }
 

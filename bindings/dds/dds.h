@@ -104,9 +104,7 @@ class Writer {
     return true;
   }
   // Until all readers that are there have what was written; s at most.
-  void wait_for_readers(double seconds) const {
-    dds_wait_for_acks(writer_.get(), static_cast<dds_duration_t>(seconds * 1e9));
-  }
+  void wait_for_readers(double seconds) const { dds_wait_for_acks(writer_.get(), static_cast<dds_duration_t>(seconds * 1e9)); }
   bool has_readers() const {
     dds_publication_matched_status_t status{};
     return dds_get_publication_matched_status(writer_.get(), &status) == DDS_RETCODE_OK && status.current_count > 0;
@@ -115,7 +113,8 @@ class Writer {
  private:
   // A sample that DDS refuses for good must not hold up those behind it: it is told, and counts as written.
   static bool is_done(dds_return_t code) {
-    if (code != DDS_RETCODE_OK && code != DDS_RETCODE_TIMEOUT) complain(std::string("DDS refuses a ") + TopicOf<T>::name + ": " + dds_strretcode(code));
+    if (code != DDS_RETCODE_OK && code != DDS_RETCODE_TIMEOUT)
+      complain(std::string("DDS refuses a ") + TopicOf<T>::name + ": " + dds_strretcode(code));
     return code != DDS_RETCODE_TIMEOUT;
   }
   Entity writer_;

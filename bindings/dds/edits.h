@@ -12,8 +12,7 @@ namespace bridge {
 
 class Edits {
  public:
-  Edits(const Room& room, Incoming& incoming, ContentReader& contents, ContentWriter& writer, std::string site,
-        uint64_t session)
+  Edits(const Room& room, Incoming& incoming, ContentReader& contents, ContentWriter& writer, std::string site, uint64_t session)
       : room_(room), incoming_(incoming), contents_(contents), writer_(writer), site_(std::move(site)), number_(session) {}
 
   // Asks the owners of other sites' objects that somebody edited at this server.

@@ -109,7 +109,8 @@ int run(int argc, char** argv) {
     if (!options.mirrors.empty() && (!bridge::is_site_name(options.mirrors) || options.mirrors == options.site)) {
       throw CLI::ValidationError("--mirror", "is '" + options.mirrors + "', must be the name of another site");
     }
-    if (options.mirrors.empty() && (options.client_force > 0 || options.no_stop)) throw CLI::ValidationError("--client-force, --no-stop", "belong to --mirror; otherwise give them to `forceserver run`");
+    if (options.mirrors.empty() && (options.client_force > 0 || options.no_stop))
+      throw CLI::ValidationError("--client-force, --no-stop", "belong to --mirror; otherwise give them to `forceserver run`");
     if (!options.mirrors.empty() && options.ros) throw CLI::ValidationError("--ros", "belongs to the site whose hand it is");
     if (network.network != "lo" && network.security.empty() && !is_open) {
       throw CLI::ValidationError("--interface",
