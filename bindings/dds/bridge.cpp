@@ -98,6 +98,7 @@ void Bridge::turn() {
     time = now();
   }
   if (incoming_.has_lost_server()) incoming_.forget_server();
+  write_stops();
   if (is_due(next_status_, time, status_period)) write_status(time);
   write_ping(time);
   outgoing_.write(time);
@@ -273,9 +274,6 @@ void Bridge::look_for_stop(double time) {
   }
   if (is_on) is_stopped_by_room_ = false;
   is_force_on_ = is_on;
-  for (; !stops_.empty(); stops_.pop_front()) {
-    if (!room_->stops.writer.write(stops_.front())) return;
-  }
   if (mirror_.server) follow_mirrored(time);
 }
 
@@ -306,7 +304,8 @@ void Bridge::take_stops() {
     answer.is_stop = true;
     answer.result = FS_ERROR_STATE;
     if (scene_) {
-      const forceserver::Scene* const who = incoming_.scene_of(from, text_of(sample.client), now());
+      // A stop waits for no new connection.
+      const forceserver::Scene* const who = incoming_.scene_of(from, text_of(sample.client), false, now());
       answer.result = fs_scene_stop_force(who ? who->get() : scene_->get());
       if (answer.result == FS_OK) is_stopped_by_room_ = true;
       if (answer.result < 0) put_text(answer.text, fs_last_error());
@@ -319,6 +318,13 @@ void Bridge::take_stops() {
   });
   for (; !answers_.empty(); answers_.pop_front()) {
     if (!room_->answers.writer.write(answers_.front())) break;
+  }
+}
+
+// Also when the server has ended since somebody pressed the button.
+void Bridge::write_stops() {
+  for (; !stops_.empty(); stops_.pop_front()) {
+    if (!room_->stops.writer.write(stops_.front())) break;
   }
 }
 

@@ -57,6 +57,7 @@ class Bridge {
   void take_hands(double now);
   void take_pings(double now);
   void take_stops();
+  void write_stops();
   void take_answers(double now);
   void look_for_stop(double now);
   void follow_mirrored(double now);
@@ -72,7 +73,8 @@ class Bridge {
   const Options options_;
   const uint64_t session_;
   Participant participant_;
-  std::optional<Room> room_;  // always there but for a moment in join_again
+  std::optional<Room>
+      room_;  // always there but for a moment in join_again, which makes it anew at the same place: the parts refer to it
   Worker worker_;
   ContentReader contents_;
   Outgoing outgoing_;
@@ -105,7 +107,6 @@ class Bridge {
   std::map<std::string, double> deaf_since_;         // s, by site: it does not hear this one
   double silent_since_ = -1;     // s: some site is there that says nothing; negative: none
   double next_join_ = 0, join_wait_ = 30;  // s
-  bool is_ending_ = false;
   bool has_twin_told_ = false;
 };
 

@@ -213,6 +213,11 @@ void ContentsOfObject::put_handles(fs_object& out) const {
 
 // ------------------------------------------------------------------------------------------------------------- writing
 
+ContentRef ContentWriter::find(const std::string& key) const {
+  const auto found = entries_.find(key);
+  return found == entries_.end() ? nullptr : found->second.content;
+}
+
 void ContentWriter::use(const ContentRef& content) {
   if (!content) return;
   Entry& entry = entries_[content->key];

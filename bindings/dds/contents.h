@@ -42,6 +42,7 @@ class ContentWriter {
  public:
   explicit ContentWriter(const Room& room) : room_(room) {}
 
+  ContentRef find(const std::string& key) const;    // null: it is not among them
   void use(const ContentRef& content);              // one object more has it; null: nothing
   void unuse(const std::string& key, double now);   // one less
   void write_again(const std::string& key);         // some site has missed it

@@ -102,8 +102,12 @@ void Edits::ask(const Incoming::LocalEdit& edit, double now) {
       if (edit.object == motion.name) wanted.horizon = motion.horizon;
     }
     copy_wanted(wanted, sample.wanted);
-    for (const ContentRef& content : {contents.shape, contents.surface, contents.front, contents.back}) {
-      if (!content) continue;
+    // The owner has what it gave the object; only what is new goes along.
+    const ContentsOfObject& had = object.contents;
+    const std::pair<ContentRef, ContentRef> both[] = {
+        {contents.shape, had.shape}, {contents.surface, had.surface}, {contents.front, had.front}, {contents.back, had.back}};
+    for (const auto& [content, old] : both) {
+      if (!content || (old && old->key == content->key)) continue;
       writer_.use(content);
       asked.contents.push_back(content->key);
       asked.until = now + answer_time + patience;
@@ -127,13 +131,10 @@ void Edits::undo(const Asked& asked, const std::string& why, double now) {
   complain("the edit of " + asked.client + "/" + asked.object + " at site " + asked.site + " was not made: " + why);
   for (const std::string& key : asked.contents) writer_.unuse(key, now);
   hold(asked, now);
-  RemoteSite* const site = incoming_.find(asked.site);
-  if (!site) return;
-  const auto client = site->clients.find(asked.client);
-  if (client != site->clients.end()) incoming_.set_again(*site, client->second, asked.object);
 }
 
-// Until then what the owner sends does not count; unless another edit waits for its answer.
+// Until then what the owner sends does not count, and from then on the object is as its owner has it; unless another edit waits
+// for its answer.
 void Edits::hold(const Asked& asked, double until) {
   RemoteSite* const site = incoming_.find(asked.site);
   const auto is_same = [&](const auto& other) {
@@ -151,10 +152,10 @@ void Edits::hold(const Asked& asked, double until) {
 void Edits::take_answer(const forceserver_Answer& answer, double now) {
   const auto found = asked_.find(answer.number);
   if (found == asked_.end() || text_of(answer.answerer) != found->second.site) return;
-  hold(found->second, answer.result < 0 ? now : now + echo);
   if (answer.result < 0) {
     undo(found->second, text_of(answer.text), now);
   } else {
+    hold(found->second, now + echo);
     for (const std::string& key : found->second.contents) writer_.unuse(key, now);
   }
   asked_.erase(found);
@@ -183,7 +184,7 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
     return true;
   }
   // By the editor's own connection, so that the owner is told who it was.
-  const forceserver::Scene* scene = incoming_.scene_of(from, text_of(edit.editor), now);
+  const forceserver::Scene* scene = incoming_.scene_of(from, text_of(edit.editor), true, now);
   if (!scene) scene = &own;
   const RemoteSite* const site = incoming_.find(from);
   try {
@@ -196,7 +197,8 @@ bool Edits::try_edit(const forceserver::Scene& own, const forceserver_Edit& edit
       const fs_object wanted = to_c(asked, "");
       bool is_whole = true;
       const auto get = [&](const auto& key) -> ContentRef {
-        ContentRef content = *key ? contents_.find(text_of(key), now) : nullptr;
+        ContentRef content = *key ? writer_.find(text_of(key)) : nullptr;
+        if (*key && !content) content = contents_.find(text_of(key), now);
         if (*key && !content) is_whole = false;
         return content;
       };

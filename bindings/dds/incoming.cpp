@@ -322,9 +322,16 @@ bool Incoming::connect(RemoteClient& client, double now) {
   }
 }
 
-const forceserver::Scene* Incoming::scene_of(const std::string& site_name, const std::string& client_name, double now) {
+const forceserver::Scene* Incoming::scene_of(const std::string& site_name, const std::string& client_name, bool may_connect,
+                                             double now) {
+  constexpr int most_without_objects = 8;
   RemoteSite* const site = find(site_name);
-  if (!site || client_name.empty() || site->clients.size() >= most_clients) return nullptr;
+  if (!site) return nullptr;
+  const auto found = site->clients.find(client_name);
+  if (found != site->clients.end() && found->second.scene) return &found->second.scene;
+  const auto only_asks = [](const auto& entry) { return entry.second.objects.empty(); };
+  const bool is_full = std::count_if(site->clients.begin(), site->clients.end(), only_asks) >= most_without_objects;
+  if (!may_connect || client_name.empty() || is_full) return nullptr;
   RemoteClient& client = site->clients[client_name];
   if (client.name.empty()) client.name = name_at_site(client_name, site_name);
   if (client.objects.empty()) client.empty_since = now;
@@ -557,13 +564,6 @@ void Incoming::take_edits(const std::function<void(const LocalEdit&)>& f, double
       }
     }
   }
-}
-
-void Incoming::set_again(RemoteSite& site, RemoteClient& client, const std::string& name) {
-  const auto found = client.objects.find(name);
-  if (found == client.objects.end() || found->second.is_gone || !client.scene) return;
-  const fs_object local = to_local(site, found->second, name);
-  fs_object_set(client.scene.get(), &local);
 }
 
 }  // namespace bridge

@@ -87,8 +87,9 @@ class Incoming {
   void forget_server();    // it is gone: all has to be set again
   void forget_sites();     // their objects fade
   void forget_gone(double now);  // instead of apply, while there is no server
-  // The connection of another site's client, for what it asks for here; made where there is none. Null: it cannot be had.
-  const forceserver::Scene* scene_of(const std::string& site, const std::string& client, double now);
+  // The connection of another site's client, for what it asks for here. may_connect: it is made where there is none, for a few
+  // clients of each site. Null: there is none.
+  const forceserver::Scene* scene_of(const std::string& site, const std::string& client, bool may_connect, double now);
   // The server's clock minus that of this site, s: not 0 where its servo is virtual.
   void set_shift(double shift) noexcept { shift_ = shift; }
   double shift() const noexcept { return shift_; }
@@ -100,7 +101,6 @@ class Incoming {
   uint64_t twin() const noexcept { return twin_; }  // the session of another bridge with this site's name; 0: there is none
   // Calls f for each edit of other sites' objects by somebody else at this server.
   void take_edits(const std::function<void(const LocalEdit&)>& f, double now);
-  void set_again(RemoteSite& site, RemoteClient& client, const std::string& object);  // as its owner has it
   // The object as it is set at this server, with its handles. It lives as long as `object`.
   fs_object to_local(const RemoteSite& site, RemoteObject& object, const std::string& name) const;
 

@@ -45,7 +45,8 @@ typedef struct fs_server_options {
 FS_DEFINE_INIT(fs_server_options)
 
 /* Starts a server to which other processes can connect at endpoint ("shm:NAME", 1..64 bytes without '/'). Processes of other
- * machines come through the program forceserver-bridge, a client of the server; "dds:.." is UNSUPPORTED. The forces of their scenes add to those of the servo's own scene. options null: defaults. EXISTS (a
+ * machines come through the program forceserver-bridge, a client of the server; "dds:.." is UNSUPPORTED. The forces of their
+ * scenes add to those of the servo's own scene. options null: defaults. EXISTS (a
  * server of this user, or with all_users anybody, has the name already), STATE (the servo has a server already, or was
  * stopped), FULL (no file descriptors left), IO, UNSUPPORTED, VERSION. */
 FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs_server_options *options,
