@@ -54,9 +54,10 @@ void Bridge::open_ros() {
 double Bridge::now() { return steady_now(); }
 
 double Bridge::shift() const {
-  constexpr double same = 1e-3;  // s
-  const double out = scene_->get_time() - steady_now();
-  return std::fabs(out) < same ? 0 : out;
+  constexpr double rounding = 1e-6;  // s
+  const double before = steady_now(), time = scene_->get_time(), after = steady_now();
+  // This thread may have waited between the readings, so what lies between them is the same clock.
+  return time >= before - rounding && time <= after + rounding ? 0 : time - after;
 }
 
 int Bridge::run(const std::atomic<bool>& is_ending) {

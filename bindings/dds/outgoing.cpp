@@ -25,8 +25,7 @@ void Outgoing::look(const SceneRef& scene, const std::string& own_name, double n
   own_name_ = own_name;
   now_ = now;
   std::vector<std::string> changed;
-  for (fs_motion motion : scene->get_motions_since(nullptr, seen_)) {
-    motion.time -= shift;
+  for (const fs_motion& motion : scene->get_motions_since(nullptr, seen_)) {
     seen_ = std::max(seen_, motion.motion_revision);
     note(motion, now, changed);
   }
@@ -63,7 +62,7 @@ void Outgoing::note(const fs_motion& motion, double now, std::vector<std::string
   known.is_moving = has_news_ = true;
   known.sample.place = to_sample(motion.pose);
   known.sample.motion = to_sample(motion.twist);
-  known.sample.time = motion.time;
+  known.sample.time = motion.time - shift_;
   known.sample.horizon = motion.horizon;
   known.sample.revision = ++revision_;
 }
@@ -161,19 +160,20 @@ void Outgoing::keep(std::vector<Fetched>& fetched) {
     for (const ContentRef& content : {before.shape, before.surface, before.front, before.back}) {
       if (content) contents_.unuse(content->key, now_);
     }
-    one.object.time -= shift_;
-    one.object.start -= shift_;
     const bool is_older = one.object.time < known.motion.time;
+    const bool is_newest = one.object.time == known.motion.time;
     const fs_twist& twist = one.object.twist;
     const bool stands = twist.linear.x == 0 && twist.linear.y == 0 && twist.linear.z == 0 && twist.angular.x == 0 &&
                         twist.angular.y == 0 && twist.angular.z == 0;
+    one.object.time -= shift_;
+    one.object.start -= shift_;
     put_object(sample, one.object);
     known.contents.put_keys(sample);
-    sample.horizon = stands ? 0 : one.object.time == known.motion.time ? known.motion.horizon : 0.1;
+    sample.horizon = stands ? 0 : is_newest ? known.motion.horizon : 0.1;
     if (is_older) {
       sample.place = to_sample(known.motion.pose);
       sample.motion = to_sample(known.motion.twist);
-      sample.time = known.motion.time;
+      sample.time = known.motion.time - shift_;
       sample.horizon = known.motion.horizon;
     }
     known.lifetime = one.object.lifetime;

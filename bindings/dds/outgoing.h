@@ -55,7 +55,7 @@ class Outgoing {
   struct Known {
     forceserver_ForceObject sample{};
     ContentsOfObject contents;
-    fs_motion motion{};             // the newest that was seen
+    fs_motion motion{};             // the newest that was seen; its time is on the scene's clock
     double touched = 0;             // s, when it was last changed or moved
     double moved = -1e9;            // s, when it was last moved
     double last_sent = 0;           // s, in a Motions; and where it was then, and when (motion.time)
