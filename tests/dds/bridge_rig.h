@@ -79,6 +79,9 @@ bool has_object(const forceserver::Scene& scene, const std::string& name);
 double weight_of(const forceserver::Scene& scene, const std::string& name);  // 0: it is not there
 fs_object spring_at(const std::string& name, fs_vec3 place);  // 100 N/m, 5 N at most
 
+// Of a single move: without a twist one is worked out, and carries the object on past the pose (fs_object_move).
+inline constexpr fs_twist at_rest{};
+
 // Waits until it holds, or fails with the sentence and what the bridges said.
 #define EVENTUALLY(condition)                                                                                      \
   ck_assert_msg(scenes::eventually([&] { return (condition); }), "never: %s", #condition)

@@ -449,7 +449,7 @@ START_TEST(an_edit_reaches_the_owner) {
   editor.object_change(with_curve, FS_PART_PROFILES);
   EVENTUALLY(app.object_get("spring").front.gain == 2);
   ck_assert_str_eq(fs_curve_get_expression(app.object_get("spring").front.curve), "3*exp(-d/0.02)");
-  editor.object_move("app@lab/spring", at({0, 0.04, 0}), nullptr, FS_NOW);
+  editor.object_move("app@lab/spring", at({0, 0.04, 0}), &at_rest, FS_NOW);
   EVENTUALLY(app.object_get("spring").pose.position.y == 0.04);
   editor.object_remove("app@lab/other");
   EVENTUALLY(!has_object(app, "other"));

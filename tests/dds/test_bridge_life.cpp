@@ -28,7 +28,7 @@ START_TEST(who_comes_late_gets_all) {
   const Site lab(room, "lab");
   const Scene app = lab.connect("app");
   for (int i = 0; i < 100; ++i) app.object_set(spring_at("s" + std::to_string(i), {0.001 * i, 0, 0}));
-  app.object_move("s7", at({0, 0.05, 0}), nullptr, FS_NOW);
+  app.object_move("s7", at({0, 0.05, 0}), &at_rest, FS_NOW);
   wait_a_little(1);
   const Site desk(room, "desk");
   const Scene viewer = desk.connect("viewer");
@@ -220,7 +220,7 @@ START_TEST(ten_thousand_objects) {
     group.commit();
   }
   EVENTUALLY(objects_of(viewer, "app@lab") == count);
-  app.object_move("s77", at({0, 0.05, 0}), nullptr, FS_NOW);
+  app.object_move("s77", at({0, 0.05, 0}), &at_rest, FS_NOW);
   EVENTUALLY(viewer.object_get("app@lab/s77").pose.position.y == 0.05);
   app.clear();
   EVENTUALLY(objects_of(viewer, "app@lab") == 0);
