@@ -16,7 +16,7 @@
 
 /* The version of these headers; fs_version() gives that of the library that runs. */
 #define FS_VERSION_MAJOR 0
-#define FS_VERSION_MINOR 1
+#define FS_VERSION_MINOR 9
 #define FS_VERSION_PATCH 0
 
 #define FS_NAME_SIZE 128        /* bytes of a name, its final 0 included */
@@ -54,7 +54,7 @@ typedef enum fs_status {
   FS_STATUS_FORCE_32 = 0x7fffffff /* not a value: here and in every enum below it makes the type 32 bits wide */
 } fs_status;
 
-/* The version of the library that runs, such as "0.1.0"; static. */
+/* The version of the library that runs, such as "0.9.0"; static. */
 FS_API const char *fs_version(void);
 
 /* The name of a status, such as "FS_ERROR_INVALID"; static, never null, not even for a number that is no status. */

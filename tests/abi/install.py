@@ -44,7 +44,7 @@ int main(void)
 PROJECT = """
 cmake_minimum_required(VERSION 3.22)
 project(user LANGUAGES C CXX)
-find_package(forceserver 0.1 REQUIRED)
+find_package(forceserver 0.9 REQUIRED)
 add_executable(in_c user.c)
 add_executable(in_cpp user.cpp)
 target_link_libraries(in_c PRIVATE forceserver::forceserver)

@@ -23,7 +23,7 @@ static void *find(const char *name)
 {
   static void *library;
   void *found;
-  if (!library) library = dlopen("libforceserver.so.0", RTLD_NOW | RTLD_LOCAL);
+  if (!library) library = dlopen("libforceserver.so.1", RTLD_NOW | RTLD_LOCAL);
   found = library ? dlsym(library, name) : NULL;
   if (found) return found;
   fprintf(stderr, "%s\n", dlerror());

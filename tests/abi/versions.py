@@ -175,7 +175,7 @@ def run(compiler, folder, *libraries):
     for name, library in zip(["present", "older", "later"], libraries):
         (folder / name).mkdir()
         (folder / name / "libforceserver.so").symlink_to(library)
-        (folder / name / "libforceserver.so.0").symlink_to(library)
+        (folder / name / "libforceserver.so.1").symlink_to(library)
         places[name] = folder / name
     programs = build(compiler, folder, places["present"])
     for kind in ["linked", "dlopen"]:

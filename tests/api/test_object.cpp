@@ -425,7 +425,7 @@ START_TEST(order_of_destruction_is_free) {
 END_TEST
 
 START_TEST(base) {
-  ck_assert_str_eq(fs_version(), "0.1.0");
+  ck_assert_str_eq(fs_version(), "0.9.0");
   struct {
     fs_status status;
     const char* name;

@@ -37,7 +37,7 @@ def test_the_drivers_come_along():
 
 def test_version_and_files():
     assert f'version = "{fs.__version__}"' in (ROOT / "bindings/python/pyproject.toml").read_text()
-    assert [path.name for path in FOLDER.glob("libforceserver*")] == ["libforceserver.so.0"]
+    assert [path.name for path in FOLDER.glob("libforceserver*")] == ["libforceserver.so.1"]
     assert (
         (FOLDER / "py.typed").exists()
         and (FOLDER / "licenses" / "LICENSE").exists()

@@ -7,7 +7,7 @@ import java.util.Objects;
 
 /** What belongs to no handle. Units are SI; times are seconds; a struct's fields have their units in its comments. */
 public final class ForceServer {
-  /** The version of the library that runs: "0.1.0". */
+  /** The version of the library that runs: "0.9.0". */
   public static String version() {
     return Native.fs_version();
   }
