@@ -30,7 +30,7 @@ typedef struct fs_model {
   fs_mat3 dfdx;                 /* N/m, symmetric, without the damping of objects. Its largest eigenvalue is at most
                                    2.5 (damping + controller_damping)/(delay + 1/link_rate), all of fs_device_info: half
                                    of what was measured to shake */
-  fs_mat3 dtdr;                 /* N m/rad, symmetric. 0.1: 0 */
+  fs_mat3 dtdr;                 /* N m/rad, symmetric. 0.9: 0 */
   uint64_t number;              /* which state it answers: the first that read gave is 1; 0: none */
   double time;                  /* s, when that state was measured (fs_state.time) */
   double hold;                  /* s for which the model counts from when it comes to the controller, which may let it count

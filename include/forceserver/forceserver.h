@@ -47,7 +47,7 @@
  *          Fields that the library or the server does not know must be 0, or it is FS_ERROR_VERSION; in a struct that the
  *          library fills they become 0. A struct_size below that of the first version, or no multiple of
  *          8: FS_ERROR_INVALID; above 4096: FS_ERROR_VERSION.
- * "0.1:"   precedes what this version does differently or not yet; "0.1: UNSUPPORTED": the call returns that status.
+ * "0.9:"   precedes what this version does differently or not yet; "0.9: UNSUPPORTED": the call returns that status.
  *          The declaration is there already, so that programs can be written for it.
  */
 #ifndef FORCESERVER_FORCESERVER_H
