@@ -186,8 +186,8 @@ class PlaceTree {
     double least_along = 0, most_along = 0, least_beside = 0, most_beside = 0;
     for (size_t i = begin; i < end; ++i) {
       const double s = along(order_[i]), t = beside(order_[i]);
-      least_along = std::fmin(least_along, s), most_along = std::fmax(most_along, s);
-      least_beside = std::fmin(least_beside, t), most_beside = std::fmax(most_beside, t);
+      least_along = std::min(least_along, s), most_along = std::max(most_along, s);
+      least_beside = std::min(least_beside, t), most_beside = std::max(most_beside, t);
     }
     const double s = (least_along + most_along) / 2, t = (least_beside + most_beside) / 2;
     nodes_[node] = {

@@ -3,6 +3,7 @@
 #include <tuple>
 #include <utility>
 
+#include "math/quad.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/triangle.h"
 
@@ -19,7 +20,6 @@ double volume_of(Vec3 a, Vec3 b, Vec3 c, Vec3 d) noexcept {
                       (std::fabs(uv) + std::fabs(vu)) * std::fabs(w.x);
   // Shewchuk, "Adaptive precision floating-point arithmetic" (1997): beyond this bound the sign is right.
   if (std::fabs(volume) > 7.8e-16 * size) return volume;
-  using Quad = __float128;
   const Quad ux = Quad(a.x) - d.x, uy = Quad(a.y) - d.y, uz = Quad(a.z) - d.z;
   const Quad vx = Quad(b.x) - d.x, vy = Quad(b.y) - d.y, vz = Quad(b.z) - d.z;
   const Quad wx = Quad(c.x) - d.x, wy = Quad(c.y) - d.y, wz = Quad(c.z) - d.z;

@@ -109,7 +109,7 @@ def headers(compiler):
         for text in sorted(before - today):
             bad += 1
             print(f"{folder.name} has it, and today's headers do not: {text}")
-        result = subprocess.run([compiler, "-std=c11", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{INCLUDE}", "-c", "-o", os.devnull,
+        result = subprocess.run([compiler, "-std=c11", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{INCLUDE}", "-fsyntax-only",
                                  folder / "layout.c"], text=True, capture_output=True)
         if result.returncode:
             bad += 1

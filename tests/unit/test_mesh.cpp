@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "base/processor.h"
+#include "math/quad.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/mesh_union.h"
 #include "shape/primitive.h"
@@ -28,7 +29,6 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 namespace reference {
 
-using Quad = __float128;
 struct Quad3 {
   Quad x, y, z;
 };
