@@ -1,100 +1,154 @@
-"""Writes the reference of the C functions as web pages, from the description of the headers.
+"""Writes the reference of the C functions as pages in Markdown (MyST), from the headers and their description: the site has them.
 
-reference.py FOLDER     a page for each header and an index; open FOLDER/index.html
+reference.py FOLDER     a page for each header, in the order of the header, and index.md
 """
-import html
 import pathlib
 import re
 import sys
 
+import comments
 import description
 
-STYLE = """body { font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em; color: #222; }
-pre { white-space: pre-wrap; background: #f6f6f2; padding: .6em .8em; } td, th { text-align: left; vertical-align: top; padding: .2em .8em .2em 0; }
-td pre, td p { margin: 0; background: none; padding: 0; } h2 { border-top: 1px solid #ccc; padding-top: .8em; } code { background: #f6f6f2; }
-.rt { background: #dfd; padding: 0 .4em; border-radius: .3em; font-size: 80%; }"""
 described = description.load()
+functions = {function["name"]: function for function in described["functions"]}
+structs = {struct["name"]: struct for struct in described["structs"]}
+handles = {handle["name"]: handle for handle in described["handles"]}
+constants = {constant["name"]: constant for constant in described["constants"]}
+enums = {enum["name"] or enum["values"][0]["name"]: enum for enum in described["enums"]}
+
+# What each name is in the C domain of Sphinx.
+role = {name: "func" for name in functions} | {name: "struct" for name in structs} | {name: "type" for name in handles}
+role |= {name: "enum" for name, enum in enums.items() if enum["name"]} | {name: "macro" for name in constants}
+role |= {value["name"]: "enumerator" for enum in enums.values() for value in enum["values"]}
+role |= {f"{name}.{field['name']}": "member" for name, struct in structs.items() for field in struct["fields"]}
 
 
-def comments(header):
-    """What a header says of itself, and of its parts: each with the name of the function that follows it."""
-    text = (description.INCLUDE / header).read_text()
-    found = [(match.end(), re.sub(r"(?m)^ ?\* ?", "", match[1]).strip()) for match in re.finditer(r"/\*(.*?)\*/", text, re.S)]
-    general = found[0][1]
-    functions = [(match.start(), match[1]) for match in re.finditer(r"(?m)^FS_API [^;(]*?\b(fs_\w+)\(", text)]
-    parts = {}
-    for end, said in found[1:]:
-        following = next((name for at, name in functions if at > end), None)
-        if said.startswith("----") and following:
-            parts.setdefault(following, []).append(said.lstrip("- "))
-    return general, parts
+def inline(text):
+    """Text of a comment in Markdown; names lead to where they are described."""
+    def word(name):
+        for known in (name, name.partition(".")[0]):
+            if known in role:
+                return f"{{c:{role[known]}}}`{known}`" + escaped(name[len(known):])
+        return escaped(name)
+
+    def escaped(plain):
+        return re.sub(r"([\\`*_\[\]<>{}#|~&$])", r"\\\1", plain)
+
+    parts = re.split(r"(`[^`]+`|\b(?:fs|FS)_\w+(?:\.[a-z]\w*)?)", text)
+    said = [escaped(part) if i % 2 == 0 else part if part[0] == "`" else word(part) for i, part in enumerate(parts)]
+    return re.sub(r"^([-+]|\d+(?=[.)]))", r"\\\1" if text[:1] in "-+" else r"\1\\", "".join(said))
 
 
-# Where each name stands.
-page_of = {}
-for function in described["functions"]:
-    page_of[function["name"]] = function["header"]
+def prose(text):
+    """A comment in Markdown."""
+    lines = []
+    for kind, *said in comments.blocks(text):
+        if kind == "code":
+            lines += ["```text", said[0], "```", ""]
+        elif kind == "paragraph":
+            lines += [inline(said[0]), ""]
+        else:
+            lines += [f"- {inline(said[0])}" if kind == "item" else f"- **{inline(said[0])}** {inline(said[1])}", ""]
+    return "\n".join(lines)
 
 
-def linked(text):
-    """HTML of a text in which the names of functions lead to them."""
-    def link(match):
-        name = match[0]
-        return f'<a href="{page_of[name]}.html#{name}">{name}</a>' if name in page_of else name
-    return re.sub(r"\bfs_\w+", link, html.escape(text))
-
-
-def comment(text):
-    return f"<pre>{linked(text)}</pre>" if text else ""
-
-
-def declaration(function):
-    parameters = ", ".join(spelled(p["type"], p["name"]) for p in function["parameters"]) or "void"
-    return f"{spelled(function['result']['type'], function['name'])}({parameters})"
+def fenced(directive, argument, content, fence="````"):
+    return f"{fence}{{c:{directive}}} {argument}\n{content}\n{fence}\n"
 
 
 def spelled(type_, name):
     return f"{type_}{name}" if type_.endswith("*") else f"{type_} {name}"
 
 
-def rows(items, cells):
-    return "<table>" + "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells(item)) + "</tr>" for item in items) + "</table>"
+def of_function(function):
+    parameters = ", ".join(spelled(p["type"], p["name"]) for p in function["parameters"])
+    if function["for_c"]:
+        parameters = re.search(rf"\b{function['name']}\(([^)]*)\)", text)[1]
+    text_ = re.sub(r"^\[rt\] ", "", function["comment"])
+    mark = "*Real-time: it takes no lock and allocates nothing.*\n\n" if function["rt"] else ""
+    declared = f"{spelled(function['result']['type'], function['name'])}({parameters or 'void'})"
+    return fenced("function", declared, mark + prose(text_))
 
 
-def page(title, body):
-    return (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style></head>'
-            f'<body><p><a href="index.html">forceserver</a></p><h1>{title}</h1>{body}</body></html>\n')
+def of_struct(struct):
+    content = prose(struct["comment"])
+    for field in struct["fields"]:
+        declared = spelled(field["type"], field["name"]) + (f"[{field['count']}]" if field["count"] > 1 else "")
+        if field["type"] == "function":
+            declared = " ".join(re.search(rf"(?m)^ *([^;/]*\(\*{field['name']}\)\([^;]*\));", text)[1].split())
+        content += "\n" + fenced("member", declared, prose(field["comment"]))
+    return fenced("struct", struct["name"], content, "`````")
+
+
+def of_enum(enum):
+    content = prose(enum["comment"])
+    for value in enum["values"]:
+        content += "\n" + fenced("enumerator", f"{value['name']} = {value['value']}", prose(value["comment"]))
+    return fenced("enum", enum["name"] or f"@{enum['values'][0]['name']}", content, "`````")
+
+
+def of_constant(constant):
+    return fenced("macro", constant["name"], f"{constant['value']}\n\n{prose(constant['comment'])}")
+
+
+def declarations(header):
+    """What a header declares: place and Markdown."""
+    patterns = {
+        r"typedef struct (\w+) \w+;": (handles, lambda handle: fenced("type", f"struct {handle['name']} {handle['name']}", prose(handle["comment"]))),
+        r"typedef struct (\w+) \{": (structs, of_struct),
+        r"typedef enum (\w+) \{": (enums, of_enum),
+        r"enum \{\s*(\w+)": (enums, of_enum),
+        r"#define (\w+) ": (constants, of_constant),
+        r"(?:FS_API|static inline) [^;{]*?\b(fs_\w+)\(": (functions, of_function),
+        r"FS_DEFINE_INIT\((fs_\w+)\)": (functions, of_function),
+    }
+    for pattern, (known, written) in patterns.items():
+        for match in re.finditer(rf"(?m)^{pattern}", text):
+            name = match[1] if match[0][:14] != "FS_DEFINE_INIT" else f"{match[1]}_init"
+            if name in known:
+                yield match.start(), written(known[name])
+
+
+def section(comment):
+    """A part of a header that begins with a comment like "---- Groups: several changes that ..."."""
+    heading = re.match(r"([\w, ]+?)(: |\. | are |$)", comment, re.M)
+    if not heading or len(heading[1]) > 40:
+        return prose(comment)
+    said = comment if heading[2] == " are " else comment[heading.end():].strip()
+    return f"## {heading[1]}\n\n{prose(capital(said))}"
+
+
+def capital(text):
+    return text[:1].upper() + text[1:]
+
+
+def same(comment):
+    return " ".join(comment.split())
 
 
 folder = pathlib.Path(sys.argv[1])
 folder.mkdir(parents=True, exist_ok=True)
+attached = {same(item["comment"]) for items in described.values() for item in items if "comment" in item}
+rows = []
 headers = [header["name"] for header in described["headers"] if header["name"] != "forceserver.h"]
 for header in headers:
-    functions = [function for function in described["functions"] if function["header"] == header]
-    general, parts = comments(header)
-    body = comment(general) + rows(functions, lambda f: [f'<a href="#{f["name"]}">{f["name"]}</a>'])
-    for function in functions:
-        body += "".join(comment(part) for part in parts.get(function["name"], []))
-        mark = ' <span class="rt">real-time</span>' if function["rt"] else ""
-        body += f'<h2 id="{function["name"]}">{function["name"]}{mark}</h2>'
-        body += "" if function["for_c"] else f"<p><code>{html.escape(declaration(function))}</code></p>"
-        body += comment(function["comment"])
-    (folder / f"{header}.html").write_text(page(header, body))
+    text = (description.INCLUDE / header).read_text()
+    (_, _, general), *rest = comments.of_header(description.INCLUDE / header)
+    title = re.match(r"forceserver/\S+ - (.*?)(?: Conventions: forceserver\.h)?\.(?:\n|$)|forceserver/\S+ - (.*?)[.;]", general + "\n", re.S)
+    summary = (title[1] or title[2]).rstrip(".")
+    parts = list(declarations(header))
+    for start, end, comment in rest:
+        if comment.startswith("----"):
+            parts.append((start, section(comment.lstrip("- "))))
+        elif same(comment) not in attached and not comment.startswith("Marks a function"):
+            parts.append((start, prose(comment)))
+    after = general[title.end():].strip() if title else ""
+    (folder / f"{header}.md").write_text(f"# {header}\n\n*{inline(capital(summary))}.*\n\n{prose(after)}\n" + "\n".join(said for _, said in sorted(parts)))
+    rows.append(f"| [`{header}`]({header}.md) | {inline(capital(summary))} | {len([f for f in functions.values() if f['header'] == header])} |\n")
 
-types = ""
-for struct in described["structs"]:
-    kind = "growing" if struct["growing"] else "frozen"
-    types += f'<h2 id="{struct["name"]}">{struct["name"]}</h2><p>{struct["size"]} bytes, {kind}</p>{comment(struct["comment"])}'
-    types += rows(struct["fields"], lambda f: [f"<code>{html.escape(f['type'])}</code>", f["name"] + (f"[{f['count']}]" if f["count"] > 1 else ""),
-                                              linked(f["comment"])])
-for enum in described["enums"]:
-    types += f'<h2>{enum["name"] or "values"}</h2>{comment(enum["comment"])}'
-    types += rows(enum["values"], lambda v: [f"<code>{v['name']}</code>", v["value"], linked(v["comment"])])
-types += "<h2>handles</h2>" + rows(described["handles"], lambda h: [f"<code>{h['name']}</code>", linked(h["comment"])])
-types += "<h2>constants</h2>" + rows(described["constants"], lambda c: [f"<code>{c['name']}</code>", c["value"], linked(c["comment"])])
-(folder / "types.html").write_text(page("types", types))
-
-index = comment(comments("forceserver.h")[0]) + "<ul>" + "".join(f'<li><a href="{header}.html">{header}</a></li>' for header in headers)
-index += '<li><a href="types.html">structs, enums, handles and constants</a></li></ul>'
-(folder / "index.html").write_text(page("The C functions of forceserver", index))
-print(f"{len(headers) + 2} pages in {folder}")
+(_, _, general), *_ = comments.of_header(description.INCLUDE / "forceserver.h")
+general = capital(general.removeprefix("forceserver.h - "))
+(folder / "index.md").write_text(
+    "# The C functions\n\n" + prose(general) + "\n## The headers\n\n| header | | functions |\n|---|---|---|\n" + "".join(rows)
+    + "\n:::{toctree}\n:hidden:\n" + "".join(f"\n{header}.md" for header in headers) + "\n:::\n")
+print(f"{len(headers) + 1} pages in {folder}")

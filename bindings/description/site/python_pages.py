@@ -1,0 +1,46 @@
+"""Writes the pages of the reference of the Python package, for autodoc: which names there are is asked of the package itself.
+
+python_pages.py FOLDER
+"""
+import inspect
+import pathlib
+import sys
+
+from forceserver import _core, _objects, _plot, _scene, _table
+
+folder = pathlib.Path(sys.argv[1])
+INHERITED = "\n   :inherited-members: pybind11_object, object"  # the functions of C as methods
+
+
+def kind(name):
+    thing = getattr(_core, name)
+    if not inspect.isclass(thing):
+        return "functions" if callable(thing) else "constants"
+    return "errors" if issubclass(thing, Exception) else "enums" if issubclass(thing, int) else "structs"
+
+
+def documented(names, options=""):
+    for name in names:
+        thing = getattr(_core, name, None) or next(getattr(part, name) for part in (_scene, _objects, _plot, _table, _core) if hasattr(part, name))
+        directive = "autoclass" if inspect.isclass(thing) else "autofunction" if callable(thing) else "autodata"
+        yield f".. {directive}:: {name}" + (f"\n   :members:\n   :undoc-members:{options}" if directive == "autoclass" else "") + "\n"
+
+
+def page(name, title, said, names, options=""):
+    body = "\n".join(documented(names, options))
+    (folder / f"{name}.md").write_text(f"# {title}\n\n{said}\n\n```{{eval-rst}}\n.. currentmodule:: forceserver\n\n{body}```\n")
+    return f"{name}\n"
+
+
+folder.mkdir(parents=True, exist_ok=True)
+core = {of: [name for name in _core.__all__ if kind(name) == of] for of in ("structs", "enums", "functions", "errors", "constants")}
+pages = page("scenes", "Scenes, servos and devices", "The handles, with all C functions as their methods.", _scene.__all__, INHERITED)
+pages += page("objects", "Objects and profiles", "What is put into a scene.", [*_objects.__all__, "Shape", "Curve", "Surface"])
+pages += page("pictures", "Pictures and tables", "", [*_plot.__all__, *_table.__all__])
+pages += page("structs", "Structs", "Each is a class with the fields of the C struct.", core["structs"])
+pages += page("enums", "Enums and constants", "", core["enums"] + core["constants"])
+pages += page("functions", "Functions", "What belongs to no handle.", core["functions"])
+pages += page("errors", "Errors", "Each status has an exception; all of them are `Error`.", core["errors"])
+(folder / "index.md").write_text(
+    "# The Python package\n\nWhat `import forceserver as fs` gives. [forceserver for Python](../../bindings/python/index.md) shows how it is used.\n\n"
+    f"```{{toctree}}\n{pages}```\n\n```{{eval-rst}}\n.. automodule:: forceserver\n```\n")

@@ -1,0 +1,286 @@
+"""Every piece of code on every page (*.md) and in the comments of the headers is compiled or run by a test: by this one, or by
+one that is named here. A piece that nobody checks is a failure.
+
+- c, cpp, cmake: a whole program is compiled, linked and run; what is no whole program is compiled, and run where it makes its own
+  scene. Programs of other libraries, "not tried here", are only counted.
+- json: `forceserver check` takes a scene; anything else must be JSON.
+- sh, and commands that are indented: bash takes them; the programs of this project are called by commands and options that
+  they have, and scripts and files of the repository are there.
+- python, java: the tests named below run them.
+
+snippets.py ROOT BUILD_FOLDER C_COMPILER CXX_COMPILER
+"""
+import collections
+import json
+import os
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+
+root, build, c, cxx = (pathlib.Path(argument) for argument in sys.argv[1:5])
+INCLUDE = root / "include"
+NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
+PROGRAMS = {"forceserver": "lib/program/forceserver", "forceserver-bridge": "bindings/dds/forceserver-bridge", "fidel-controller": "device/fidel-controller"}
+
+# Who runs the pieces in Python and Java: the test, and what it says of the page.
+ELSEWHERE = {
+    ("README.md", "python"): ("tests/bindings/python/test_package.py", '"README.md"'),
+    ("bindings/python/README.md", "python"): ("tests/bindings/python/test_package.py", '"bindings/python/README.md"'),
+    ("examples/recipes/README.md", "python"): ("tests/bindings/python/test_package.py", "python_lines(page) == [recipe.read_text()]"),
+    ("examples/recipes/README.md", "c"): ("tests/examples/recipes.py", "README.md"),
+    ("examples/testbed/virtualrobot/README.md", "python"): ("tests/examples/testbed/test_live.py", "README"),
+    ("bindings/java/README.md", "java"): ("tests/bindings/run_java", "bindings/java/README.md"),
+}
+
+# What is there before a piece of C that is no whole program.
+BEFORE = """#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+#include <forceserver/forceserver.h>
+#include <forceserver/driver.h>
+"""
+CHECK = """static void check(fs_status status)
+{
+  if (status >= 0) return;
+  fprintf(stderr, "%s\\n", fs_last_error());
+  exit(1);
+}
+"""
+HANDLES = """  fs_scene *scene = NULL; fs_device *device = NULL; fs_servo *servo = NULL; fs_server *server = NULL;
+  fs_object scout = fs_object_init("scout", FS_PRIMITIVE_POINT); uint32_t faults = 0;
+  (void)scene; (void)device; (void)servo; (void)server; (void)scout; (void)faults;
+"""
+counts, failures = collections.Counter(), 0
+
+
+def fail(where, sentence):
+    global failures
+    failures += 1
+    print(f"FAILED: {where}: {sentence}")
+
+
+def run(where, *command, **options):
+    try:
+        done = subprocess.run([str(part) for part in command], text=True, capture_output=True, timeout=120, **options)
+    except subprocess.TimeoutExpired:
+        return fail(where, f"{command[0]} does not end")
+    if done.returncode:
+        fail(where, f"{pathlib.Path(command[0]).name} ended with {done.returncode}: {done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def pages(folder):
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and not path.is_symlink() and not NOT_OURS.fullmatch(path.name):
+            yield from pages(path)
+        elif path.suffix == ".md":
+            yield path
+
+
+def pieces(page):
+    """The code of a page: the number of its first line, its language ("" of none, "indented"), its text and the line before."""
+    fence, language, lines, first, before = None, "", [], 0, ""
+    for number, line in enumerate([*page.read_text().splitlines(), ""], 1):
+        mark = re.match(r"( *)(`{3,}|~{3,})\s*(\S*)", line)
+        if fence is None and language == "indented" and line.strip() and not line.startswith("    "):
+            yield first, language, "\n".join(lines), before
+            language, lines, before = "", [], ""
+        if fence is None and mark:
+            fence, indent, language, lines, first = mark[2], len(mark[1]), mark[3], [], number
+        elif fence and line.strip() == fence:
+            yield first, language, "\n".join(lines), before
+            fence, language, lines, before = None, "", [], ""
+        elif fence:
+            lines.append(line[indent:] if line[:indent].isspace() or not indent else line)
+        elif line.startswith("    ") and (language == "indented" or not before.strip() or before.endswith(":")) and not re.match(r"\s*([-*]|\d+\.) ", before):
+            if language != "indented":
+                language, lines, first = "indented", [], number
+            lines.append(line[4:])
+        elif language == "indented":
+            lines.append("")
+        if fence is None and line.strip() and language != "indented":
+            before = line
+        elif not line.strip() and language != "indented" and not fence:
+            before = before if before.endswith((":", ".")) else ""
+    if fence:
+        fail(page, "a fence is not closed")
+
+
+def compile_c(where, text, is_whole, folder, language="c"):
+    """Compiles a piece of C or C++; runs it if it is a program, or makes its own scene."""
+    source, program = folder / f"piece.{language}", folder / "piece"
+    functions = re.search(r"(?m)^(static |int |void )[^;=]*\)\s*\{?$", text)
+    runs = is_whole or "fs_scene_create(&scene)" in text
+    if is_whole:
+        pass
+    elif functions:
+        text = BEFORE + ("" if "void check(" in text else CHECK) + text + "\nint main(void) { return 0; }\n"
+        text = text.replace("static ", "__attribute__((unused)) static ")
+    else:
+        spring = "" if "fs_object spring" in text else 'fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT); (void)spring;\n'
+        charge = "double battery_charge(void); double battery_charge(void) { return 1; }\n" if "battery_charge" in text else ""
+        text = f"{BEFORE}{CHECK}{charge}int main(void)\n{{\n{HANDLES}  {spring}  {{\n{text}\n  }}\n  return 0;\n}}\n".replace(
+            "static void check", "__attribute__((unused)) static void check")
+    source.write_text(text)
+    compiler = [c, "-std=gnu99"] if language == "c" else [cxx, "-std=c++20"]
+    if run(where, *compiler, "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", source, f"-L{build}", "-lforceserver", "-lm", f"-Wl,-rpath,{build}", "-o", program,
+           cwd=folder) is not None and runs and program.exists():
+        run(where, program, cwd=folder)
+    counts[f"{language}: compiled{' and run' if runs else ''}"] += 1
+    program.unlink(missing_ok=True)
+
+
+def options_of(name, command=()):
+    """The commands and options that a program has."""
+    if (name, *command) not in options_of.known:
+        help_ = subprocess.run([build / PROGRAMS[name], *command, "--help"], text=True, capture_output=True)
+        subcommands = re.search(r"Subcommands:\n((?:  .*\n)+)", help_.stdout)
+        options_of.known[name, *command] = (
+            set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_.stdout)),
+            set(re.findall(r"(?m)^  ([a-z][\w-]*)", subcommands[1] if subcommands else "")))
+    return options_of.known[name, *command]
+
+
+options_of.known = {}
+
+
+def check_command(where, page, words):
+    """A command line: what this project has must be there."""
+    while words and (re.match(r"\w+=", words[0]) or words[0] in ("sudo", "time", "env", "timeout", "setarch", "-R", "-n", "-i") or words[0].isdigit()):
+        words = words[1:]
+    if not words:
+        return
+    name = pathlib.Path(words[0]).name
+    if name in PROGRAMS and "/" not in words[0].replace("build/release/", "").replace(PROGRAMS[name], "").replace("build/testbed/bin/", "").replace(name, ""):
+        if not (build / PROGRAMS[name]).exists():
+            return
+        options, subcommands = options_of(name)
+        rest = words[1:]
+        if subcommands and rest and not rest[0].startswith("-"):
+            if rest[0] not in subcommands:
+                return fail(where, f"{name} has no command {rest[0]}")
+            options = options | options_of(name, (rest[0],))[0]
+        for word in rest:
+            if re.match(r"--?[a-z]", word) and word.partition("=")[0] not in options:
+                fail(where, f"{name} {rest[0] if rest else ''} has no option {word}")
+        counts["commands of the programs"] += 1
+        return
+    for word in [words[0]] if name not in ("python", "python3", "bash", "sh") else words[1:2]:
+        known = re.match(r"(bindings|device|examples|include|lib|tests|\.ci)/", word)
+        if known and not re.search(r"[A-Z*$<]", word) and not (root / word).exists():
+            fail(where, f"there is no {word}")
+        if known:
+            counts["commands that are scripts of the repository"] += 1
+            text = (root / word).read_text(errors="replace") if (root / word).is_file() else ""
+            for option in words[1:]:
+                if re.fullmatch(r"--[a-z][\w-]*(=.*)?", option) and text.startswith("#!") and option.partition("=")[0] not in text and "$@" not in text and not word.endswith(".py"):
+                    fail(where, f"{word} has no option {option}")
+
+
+def check_shell(where, page, text):
+    done = subprocess.run(["bash", "-n"], input=text, text=True, capture_output=True)
+    if done.returncode:
+        fail(where, f"bash does not take it: {done.stderr}")
+    counts["sh: lines that bash takes"] += 1
+    text = re.sub(r"(?ms)<< *'?(\w+)'?(.*?)^\1$", r"\2", text)  # without here-documents
+    text = re.sub(r"\\\n", " ", text)
+    for line in text.splitlines():
+        for part in re.split(r"\s(?:\|\||&&|\||;)\s|&$|;$", re.sub(r"\s#.*$|^#.*$", "", line)):
+            try:
+                words = shlex.split(part)
+            except ValueError:
+                continue
+            check_command(where, page, words)
+
+
+COMMAND = re.compile(r"(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|"
+                     r"cyclonedds|ros2|for|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
+SHELL = ("sh", "bash", "console", "shell")
+with tempfile.TemporaryDirectory() as temporary:
+    folder = pathlib.Path(temporary)
+    (folder / "part.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+                                     "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n0.1 0 0\n0 0.1 0\n3 0 1 2\n")
+
+    def check_json(where, text):
+        try:
+            document = json.loads(text)
+        except json.JSONDecodeError as error:
+            return fail(where, f"it is not JSON: {error}")
+        counts["json"] += 1
+        if isinstance(document, dict) and document.get("forceserver") == "scene" and (build / PROGRAMS["forceserver"]).exists():
+            (folder / "scene.json").write_text(text)
+            done = subprocess.run([build / PROGRAMS["forceserver"], "check", folder / "scene.json"], text=True, capture_output=True)
+            if done.returncode > 1:
+                fail(where, done.stdout + done.stderr)
+
+    for page in pages(root):
+        name = str(page.relative_to(root))
+        for number, language, text, before in pieces(page):
+            where = f"{name}:{number}"
+            scene = re.search(r"(?ms)<< 'END'\n(\{.*?)^ *END$", text)
+            if scene:
+                check_json(where, scene[1])
+            if (name, language) in ELSEWHERE:
+                test, said = ELSEWHERE[name, language]
+                if said not in (root / test).read_text():
+                    fail(where, f"{test} no longer runs it")
+                counts[f"{language}: {test}"] += 1
+                if language == "python":
+                    compile(text, where, "exec")
+            elif language in ("c", "cpp"):
+                if "not tried here" in before:
+                    counts["of other libraries, not tried"] += 1
+                else:
+                    compile_c(where, text, "int main(" in text, folder, language)
+            elif language == "cmake":
+                if "cmake_minimum_required" not in text or 'block(PAGE, "cmake", "cmake_minimum_required")' not in (root / "tests/abi/install.py").read_text():
+                    fail(where, "nobody checks it")
+                counts["cmake: tests/abi/install.py"] += 1
+            elif language == "json":
+                check_json(where, text)
+            elif language in SHELL or language == "" and not re.match(r"[{<]", text):
+                check_shell(where, page, text)
+            elif language == "indented":
+                lines = [line for line in text.splitlines() if line.strip()]
+                if lines and COMMAND.match(lines[0]):
+                    check_shell(where, page, text)
+                elif text.lstrip().startswith("{") and text.rstrip().endswith("}"):
+                    check_json(where, text)
+                else:
+                    counts["pictures, output and formulas"] += 1
+                    if os.environ.get("SHOW"): print(where, repr(text[:300]))
+            elif language in ("text", "{toctree}", "{eval-rst}"):
+                counts["pictures, output and formulas" if language == "text" else "of the site"] += 1
+            else:
+                fail(where, f"nobody checks code in the language '{language}'")
+
+    # The comments of the headers: what is indented and has statements or JSON. Remarks stand behind a statement.
+    sys.path.insert(0, str(root / "bindings/description"))
+    import comments
+
+    for header in sorted((INCLUDE / "forceserver").glob("*.h")):
+        text_of = header.read_text()
+        for start, _, comment in comments.of_header(header):
+            where = f"{header.relative_to(root)}:{text_of.count(chr(10), 0, start) + 1}"
+            for kind, *said in comments.blocks(comment):
+                if kind != "code":
+                    continue
+                if said[0].startswith("{"):
+                    check_json(where, said[0])
+                elif ";" in said[0] and re.search(r"\bfs_\w+\(", said[0]):
+                    compile_c(where, "\n".join("  " + re.sub(r"(;)[^;]*$", r"\1", line) for line in said[0].splitlines()), False, folder)
+                    counts["in headers"] += 1
+                else:
+                    counts["pictures and tables in headers"] += 1
+
+for kind, count in sorted(counts.items()):
+    print(f"{count:4d} {kind}")
+for kind in ("c: compiled", "c: compiled and run", "json", "commands of the programs", "in headers"):
+    if not counts[kind]:
+        fail("snippets.py", f"it found none of: {kind}")
+print(f"{failures} failures")
+sys.exit(failures > 0)
