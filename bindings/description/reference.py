@@ -34,6 +34,7 @@ def inline(text):
     def escaped(plain):
         return re.sub(r"([\\`*_\[\]<>{}#|~&$])", r"\\\1", plain)
 
+    text = re.sub(r"\b(fs_\w+)\(\)", lambda match: match[1] if match[1] in functions else match[0], text)  # the role writes them
     parts = re.split(r"(`[^`]+`|\b(?:fs|FS)_\w+(?:\.[a-z]\w*)?)", text)
     said = [escaped(part) if i % 2 == 0 else part if part[0] == "`" else word(part) for i, part in enumerate(parts)]
     return re.sub(r"^([-+]|\d+(?=[.)]))", r"\\\1" if text[:1] in "-+" else r"\1\\", "".join(said))
@@ -149,6 +150,5 @@ for header in headers:
 (_, _, general), *_ = comments.of_header(description.INCLUDE / "forceserver.h")
 general = capital(general.removeprefix("forceserver.h - "))
 (folder / "index.md").write_text(
-    "# The C functions\n\n" + prose(general) + "\n## The headers\n\n| header | | functions |\n|---|---|---|\n" + "".join(rows)
-    + "\n:::{toctree}\n:hidden:\n" + "".join(f"\n{header}.md" for header in headers) + "\n:::\n")
+    "# The C functions\n\n| header | | functions |\n|---|---|---|\n" + "".join(rows) + "\n" + prose(general) + "\n:::{toctree}\n:hidden:\n" + "".join(f"\n{header}.md" for header in headers) + "\n:::\n")
 print(f"{len(headers) + 1} pages in {folder}")

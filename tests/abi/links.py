@@ -1,4 +1,4 @@
-"""Every link in every README.md of the repository leads somewhere: the file or folder is there, and so is the heading. Links
+"""Every link on every page (*.md) of the repository leads somewhere: the file or folder is there, and so is the heading. Links
 to the web are not followed. Each picture is also small enough for a page.
 
 links.py ROOT
@@ -45,15 +45,15 @@ def anchors(page):
     return found
 
 
-def readmes(folder):
+def pages_in(folder):
     for path in sorted(folder.iterdir()):
         if path.is_dir() and not path.is_symlink() and not NOT_OURS.fullmatch(path.name):
-            yield from readmes(path)
-        elif path.name == "README.md":
+            yield from pages_in(path)
+        elif path.suffix == ".md":
             yield path
 
 
-pages = list(readmes(root))
+pages = list(pages_in(root))
 for page in pages:
     text = re.sub(r"(`+)(?!`).*?(?<!`)\1(?!`)", "", "\n".join(prose(page)), flags=re.S)
     targets = re.findall(r"\]\(\s*<?([^)>\s]*)>?(?:\s+\"[^\"]*\")?\s*\)", text)

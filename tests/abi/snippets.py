@@ -12,15 +12,16 @@ snippets.py ROOT BUILD_FOLDER C_COMPILER CXX_COMPILER
 """
 import collections
 import json
-import os
 import pathlib
 import re
 import shlex
 import subprocess
 import sys
 import tempfile
+import textwrap
 
-root, build, c, cxx = (pathlib.Path(argument) for argument in sys.argv[1:5])
+root, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
+c, cxx = sys.argv[3:5]
 INCLUDE = root / "include"
 NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
 PROGRAMS = {"forceserver": "lib/program/forceserver", "forceserver-bridge": "bindings/dds/forceserver-bridge", "fidel-controller": "device/fidel-controller"}
@@ -82,30 +83,33 @@ def pages(folder):
 
 
 def pieces(page):
-    """The code of a page: the number of its first line, its language ("" of none, "indented"), its text and the line before."""
-    fence, language, lines, first, before = None, "", [], 0, ""
-    for number, line in enumerate([*page.read_text().splitlines(), ""], 1):
+    """The code of a page: the number of its first line, its language ("indented" without a fence), its text and the line before."""
+    fence, lines, first, before = None, [], 0, ""
+    in_list = after_blank = False
+    for number, line in enumerate([*page.read_text().splitlines(), "end"], 1):
         mark = re.match(r"( *)(`{3,}|~{3,})\s*(\S*)", line)
-        if fence is None and language == "indented" and line.strip() and not line.startswith("    "):
-            yield first, language, "\n".join(lines), before
-            language, lines, before = "", [], ""
-        if fence is None and mark:
-            fence, indent, language, lines, first = mark[2], len(mark[1]), mark[3], [], number
-        elif fence and line.strip() == fence:
-            yield first, language, "\n".join(lines), before
-            fence, language, lines, before = None, "", [], ""
-        elif fence:
-            lines.append(line[indent:] if line[:indent].isspace() or not indent else line)
-        elif line.startswith("    ") and (language == "indented" or not before.strip() or before.endswith(":")) and not re.match(r"\s*([-*]|\d+\.) ", before):
-            if language != "indented":
-                language, lines, first = "indented", [], number
-            lines.append(line[4:])
-        elif language == "indented":
+        if fence:
+            if line.strip() == fence:
+                yield first, language, textwrap.dedent("\n".join(lines)), before
+                fence, lines = None, []
+            else:
+                lines.append(line)
+            continue
+        if line.strip() and line.startswith(" " * (6 if in_list else 4)) and not mark and (lines or after_blank):
+            first = first if lines else number
+            lines.append(line)
+        elif lines and not line.strip():
             lines.append("")
-        if fence is None and line.strip() and language != "indented":
-            before = line
-        elif not line.strip() and language != "indented" and not fence:
-            before = before if before.endswith((":", ".")) else ""
+        else:
+            if lines:
+                yield first, "indented", textwrap.dedent("\n".join(lines)).strip("\n"), before
+                lines = []
+            if mark:
+                fence, language, first = mark[2], mark[3], number
+            elif line.strip():
+                in_list = bool(re.match(r" *([-*]|\d+\.) ", line)) or in_list and (line.startswith(" ") or not after_blank)
+                before = line
+        after_blank = not line.strip()
     if fence:
         fail(page, "a fence is not closed")
 
@@ -197,8 +201,8 @@ def check_shell(where, page, text):
             check_command(where, page, words)
 
 
-COMMAND = re.compile(r"(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|"
-                     r"cyclonedds|ros2|for|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
+COMMAND = re.compile(r"(\w+\$ +)?(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|\./[\w./-]+|forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|"
+                     r"cyclonedds|ros2|for|cat|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
 SHELL = ("sh", "bash", "console", "shell")
 with tempfile.TemporaryDirectory() as temporary:
     folder = pathlib.Path(temporary)
@@ -232,7 +236,7 @@ with tempfile.TemporaryDirectory() as temporary:
                 if language == "python":
                     compile(text, where, "exec")
             elif language in ("c", "cpp"):
-                if "not tried here" in before:
+                if "not tried here" in before and language == "cpp":
                     counts["of other libraries, not tried"] += 1
                 else:
                     compile_c(where, text, "int main(" in text, folder, language)
@@ -247,12 +251,14 @@ with tempfile.TemporaryDirectory() as temporary:
             elif language == "indented":
                 lines = [line for line in text.splitlines() if line.strip()]
                 if lines and COMMAND.match(lines[0]):
-                    check_shell(where, page, text)
+                    check_shell(where, page, re.sub(r"(?m)^\w+\$ +", "", text))
+                elif re.match(r"fs\.", text):
+                    compile(text, where, "exec")
+                    counts["python: compiled"] += 1
                 elif text.lstrip().startswith("{") and text.rstrip().endswith("}"):
                     check_json(where, text)
                 else:
                     counts["pictures, output and formulas"] += 1
-                    if os.environ.get("SHOW"): print(where, repr(text[:300]))
             elif language in ("text", "{toctree}", "{eval-rst}"):
                 counts["pictures, output and formulas" if language == "text" else "of the site"] += 1
             else:

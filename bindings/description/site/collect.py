@@ -16,6 +16,11 @@ here = pathlib.Path(__file__).resolve().parent
 root, source = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
 CODE = r"(?ms)^ {0,3}(?P<fence>`{3,}|~{3,}).*?^ {0,3}(?P=fence)[`~]*$|^ {4}.*?$|(?P<ticks>`+)(?!`).+?(?<!`)(?P=ticks)(?!`)"
+JAVA = """# The Java classes
+
+<a href="../java/index.html">The Javadoc of the package <code>org.forceserver</code></a> describes every class. [forceserver for
+Java](../bindings/java/index.md) shows how it is used.
+"""
 listed = set()
 
 
@@ -80,7 +85,7 @@ for page in pages(root):
     there.write_text(rewritten(page))
     collected.append(str(there.relative_to(source).with_suffix("")))
 (source / "reference").mkdir(exist_ok=True)
-shutil.copyfile(here / "java.md", source / "reference" / "java.md")
+(source / "reference" / "java.md").write_text(JAVA)
 navigation = (here / "navigation.md").read_text()
 named = set(re.findall(r"<(\S+)>", navigation)) | {"index"}
 others = [name for name in collected if name not in named]  # pages that navigation.md does not have yet: at its end

@@ -9,7 +9,7 @@ import sys
 from forceserver import _core, _objects, _plot, _scene, _table
 
 folder = pathlib.Path(sys.argv[1])
-INHERITED = "\n   :inherited-members: pybind11_object, object"  # the functions of C as methods
+INHERITED = "\n   :inherited-members: pybind11_object, object, tuple"  # the functions of C as methods
 
 
 def kind(name):

@@ -1,5 +1,5 @@
 /* Makes the failures that include/forceserver/errors.md tells of, and prints the sentence of each as "FS_ERROR_...: sentence";
- * tests/abi/errors_page.py compares them with the page. */
+ * errors_page.py compares them with the page. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/resource.h>
