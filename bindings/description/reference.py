@@ -54,6 +54,8 @@ def prose(text):
 
 
 def fenced(directive, argument, content, fence="````"):
+    if directive in ("member", "enumerator"):
+        content = f":no-contents-entry:\n\n{content}"
     return f"{fence}{{c:{directive}}} {argument}\n{content}\n{fence}\n"
 
 

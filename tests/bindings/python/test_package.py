@@ -252,6 +252,19 @@ def test_the_figures_of_the_page(tmp_path):
     assert sum(file.stat().st_size for file in folder.glob("*.png")) <= 150e3
 
 
+def test_the_profiles_of_the_page(tmp_path):
+    pytest.importorskip("matplotlib")
+    folder = ROOT / "examples/profiles"
+    subprocess.run([sys.executable, "-B", folder / "profiles.py", tmp_path], check=True)
+    assert (tmp_path / "profiles.csv").read_text() == (folder / "profiles.csv").read_text()
+    kinds = {name.partition(":")[0] for name in (folder / "profiles.csv").read_text().splitlines()[0].split(",")[1:]}
+    wanted = {kind.name.lower().replace("_", " ") for kind in fs.ProfileKind} - {"none"}
+    assert kinds == wanted
+    page = (folder / "README.md").read_text()
+    assert "](profiles.png)" in page and all(f"\n| {kind} |" in page for kind in wanted)
+    assert (tmp_path / "profiles.png").stat().st_size <= 150e3
+
+
 def test_the_picture_of_the_quickstart(tmp_path):
     pytest.importorskip("matplotlib")
     forces, picture = tmp_path / "forces.csv", tmp_path / "picture.png"
