@@ -11,6 +11,7 @@ one that is named here. A piece that nobody checks is a failure.
 snippets.py ROOT BUILD_FOLDER C_COMPILER CXX_COMPILER
 """
 import collections
+import functools
 import json
 import pathlib
 import re
@@ -32,7 +33,7 @@ ELSEWHERE = {
     ("bindings/python/README.md", "python"): ("tests/bindings/python/test_package.py", '"bindings/python/README.md"'),
     ("examples/recipes/README.md", "python"): ("tests/bindings/python/test_package.py", "python_lines(page) == [recipe.read_text()]"),
     ("examples/recipes/README.md", "c"): ("tests/examples/recipes.py", "README.md"),
-    ("examples/testbed/virtualrobot/README.md", "python"): ("tests/examples/testbed/test_live.py", "README"),
+    ("examples/testbed/virtualrobot/README.md", "python"): ("tests/examples/testbed/test_live.py", '"virtualrobot" / "README.md"'),
     ("bindings/java/README.md", "java"): ("tests/bindings/run_java", "bindings/java/README.md"),
 }
 
@@ -138,58 +139,61 @@ def compile_c(where, text, is_whole, folder, language="c"):
     program.unlink(missing_ok=True)
 
 
+@functools.cache
 def options_of(name, command=()):
     """The commands and options that a program has."""
-    if (name, *command) not in options_of.known:
-        help_ = subprocess.run([build / PROGRAMS[name], *command, "--help"], text=True, capture_output=True)
-        subcommands = re.search(r"Subcommands:\n((?:  .*\n)+)", help_.stdout)
-        options_of.known[name, *command] = (
-            set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_.stdout)),
-            set(re.findall(r"(?m)^  ([a-z][\w-]*)", subcommands[1] if subcommands else "")))
-    return options_of.known[name, *command]
+    help_ = subprocess.run([build / PROGRAMS[name], *command, "--help"], text=True, capture_output=True).stdout
+    commands = re.search(r"Subcommands:\n((?:  .*\n)+)", help_)
+    return set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_)), set(re.findall(r"(?m)^  ([a-z][\w-]*)", commands[1] if commands else ""))
 
 
-options_of.known = {}
+PREFIX = re.compile(r"\w+=.*|sudo|env|time|timeout|setarch|-[a-zA-Z]|\d+")  # what may stand before a command
+FOLDERS = ("bindings/", "device/", "examples/", "include/", "lib/", "tests/", ".ci/")
 
 
-def check_command(where, page, words):
-    """A command line: what this project has must be there."""
-    while words and (re.match(r"\w+=", words[0]) or words[0] in ("sudo", "time", "env", "timeout", "setarch", "-R", "-n", "-i") or words[0].isdigit()):
+def check_command(where, words):
+    """A command line: what this project has of it must be there."""
+    while words and PREFIX.fullmatch(words[0]):
         words = words[1:]
+    if re.match(r"(\S*/)?python3?$", words[0] if words else ""):
+        words = words[2:] if words[1:2] == ["-m"] else words[1:]
     if not words:
         return
     name = pathlib.Path(words[0]).name
-    if name in PROGRAMS and "/" not in words[0].replace("build/release/", "").replace(PROGRAMS[name], "").replace("build/testbed/bin/", "").replace(name, ""):
-        if not (build / PROGRAMS[name]).exists():
-            return
-        options, subcommands = options_of(name)
-        rest = words[1:]
-        if subcommands and rest and not rest[0].startswith("-"):
-            if rest[0] not in subcommands:
-                return fail(where, f"{name} has no command {rest[0]}")
-            options = options | options_of(name, (rest[0],))[0]
-        for word in rest:
-            if re.match(r"--?[a-z]", word) and word.partition("=")[0] not in options:
-                fail(where, f"{name} {rest[0] if rest else ''} has no option {word}")
-        counts["commands of the programs"] += 1
+    if name in PROGRAMS:
+        check_call(where, name, words[1:])
+    elif words[0].startswith(FOLDERS) and not re.search(r"[A-Z*$<]{2}|[*$<]", words[0]):
+        counts["commands that are scripts of the repository"] += 1
+        script = root / words[0]
+        if not script.exists():
+            return fail(where, f"there is no {words[0]}")
+        text = script.read_text(errors="replace") if script.is_file() else ""
+        for word in words[1:]:
+            is_option = text.startswith("#!") and '"$@"' not in text and re.fullmatch(r"--[a-z][\w-]*(=.*)?", word)
+            if is_option and word.partition("=")[0] not in text:
+                fail(where, f"{words[0]} has no option {word}")
+
+
+def check_call(where, name, words):
+    """The command and the options of a program of this project."""
+    if not (build / PROGRAMS[name]).exists():
         return
-    for word in [words[0]] if name not in ("python", "python3", "bash", "sh") else words[1:2]:
-        known = re.match(r"(bindings|device|examples|include|lib|tests|\.ci)/", word)
-        if known and not re.search(r"[A-Z*$<]", word) and not (root / word).exists():
-            fail(where, f"there is no {word}")
-        if known:
-            counts["commands that are scripts of the repository"] += 1
-            text = (root / word).read_text(errors="replace") if (root / word).is_file() else ""
-            for option in words[1:]:
-                if re.fullmatch(r"--[a-z][\w-]*(=.*)?", option) and text.startswith("#!") and option.partition("=")[0] not in text and "$@" not in text and not word.endswith(".py"):
-                    fail(where, f"{word} has no option {option}")
+    counts["commands of the programs"] += 1
+    options, commands = options_of(name)
+    if commands and words and not words[0].startswith("-"):
+        if words[0] not in commands:
+            return fail(where, f"{name} has no command {words[0]}")
+        options = options | options_of(name, (words[0],))[0]
+    for word in words:
+        if re.match(r"--?[a-z]", word) and word.partition("=")[0] not in options:
+            fail(where, f"{name} has no option {word} here")
 
 
-def check_shell(where, page, text):
+def check_shell(where, text):
     done = subprocess.run(["bash", "-n"], input=text, text=True, capture_output=True)
     if done.returncode:
         fail(where, f"bash does not take it: {done.stderr}")
-    counts["sh: lines that bash takes"] += 1
+    counts["sh: blocks that bash takes"] += 1
     text = re.sub(r"(?ms)<< *'?(\w+)'?(.*?)^\1$", r"\2", text)  # without here-documents
     text = re.sub(r"\\\n", " ", text)
     for line in text.splitlines():
@@ -198,7 +202,7 @@ def check_shell(where, page, text):
                 words = shlex.split(part)
             except ValueError:
                 continue
-            check_command(where, page, words)
+            check_command(where, words)
 
 
 COMMAND = re.compile(r"(\w+\$ +)?(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|\./[\w./-]+|forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|"
@@ -247,11 +251,11 @@ with tempfile.TemporaryDirectory() as temporary:
             elif language == "json":
                 check_json(where, text)
             elif language in SHELL or language == "" and not re.match(r"[{<]", text):
-                check_shell(where, page, text)
+                check_shell(where, text)
             elif language == "indented":
                 lines = [line for line in text.splitlines() if line.strip()]
                 if lines and COMMAND.match(lines[0]):
-                    check_shell(where, page, re.sub(r"(?m)^\w+\$ +", "", text))
+                    check_shell(where, re.sub(r"(?m)^\w+\$ +", "", text))
                 elif re.match(r"fs\.", text):
                     compile(text, where, "exec")
                     counts["python: compiled"] += 1
