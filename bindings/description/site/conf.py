@@ -23,6 +23,7 @@ html_extra_path = [str(work / "java" / "site")]
 html_show_copyright = html_show_sphinx = html_copy_source = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+toc_object_entries_show_parents = "hide"
 maximum_signature_line_length = 100
 c_maximum_signature_line_length = 100
 
@@ -42,5 +43,11 @@ def docstring(app, what, name, thing, options, lines):
     lines[:] = written
 
 
+def signature(app, what, name, thing, options, arguments, result):
+    """What may be left out is "..." in the package."""
+    return (arguments.replace("=Ellipsis", "=..."), result) if "=Ellipsis" in (arguments or "") else None
+
+
 def setup(app):
+    app.connect("autodoc-process-signature", signature)
     app.connect("autodoc-process-docstring", docstring)

@@ -37,7 +37,9 @@ core = {of: [name for name in _core.__all__ if kind(name) == of] for of in ("str
 pages = page("scenes", "Scenes, servos and devices", "The handles, with all C functions as their methods.", _scene.__all__, INHERITED)
 pages += page("objects", "Objects and profiles", "What is put into a scene.", [*_objects.__all__, "Shape", "Curve", "Surface"])
 pages += page("pictures", "Pictures and tables", "", [*_plot.__all__, *_table.__all__])
-pages += page("structs", "Structs", "Each is a class with the fields of the C struct.", core["structs"])
+pages += page("structs", "Structs", "Each is a class with the fields of the C struct. `copy()` gives a copy that shares nothing with it but shapes, curves and surfaces, and `dtype` is "
+              "its type in an array of NumPy.", core["structs"],
+              "\n   :exclude-members: copy, dtype")
 pages += page("enums", "Enums and constants", "", core["enums"] + core["constants"])
 pages += page("functions", "Functions", "What belongs to no handle.", core["functions"])
 pages += page("errors", "Errors", "Each status has an exception; all of them are `Error`.", core["errors"])
