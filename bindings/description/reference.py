@@ -83,6 +83,10 @@ def of_struct(struct):
     return fenced("struct", struct["name"], content, "`````")
 
 
+def of_handle(handle):
+    return fenced("type", f"struct {handle['name']} {handle['name']}", prose(handle["comment"]))
+
+
 def of_enum(enum):
     content = prose(enum["comment"])
     for value in enum["values"]:
@@ -97,7 +101,7 @@ def of_constant(constant):
 def declarations(header):
     """What a header declares: place and Markdown."""
     patterns = {
-        r"typedef struct (\w+) \w+;": (handles, lambda handle: fenced("type", f"struct {handle['name']} {handle['name']}", prose(handle["comment"]))),
+        r"typedef struct (\w+) \w+;": (handles, of_handle),
         r"typedef struct (\w+) \{": (structs, of_struct),
         r"typedef enum (\w+) \{": (enums, of_enum),
         r"enum \{\s*(\w+)": (enums, of_enum),
@@ -137,7 +141,8 @@ headers = [header["name"] for header in described["headers"] if header["name"] !
 for header in headers:
     text = (description.INCLUDE / header).read_text()
     (_, _, general), *rest = comments.of_header(description.INCLUDE / header)
-    title = re.match(r"forceserver/\S+ - (.*?)(?: Conventions: forceserver\.h)?\.(?:\n|$)|forceserver/\S+ - (.*?)[.;]", general + "\n", re.S)
+    title = re.match(r"forceserver/\S+ - (.*?)(?: Conventions: forceserver\.h)?\.(?:\n|$)|forceserver/\S+ - (.*?)[.;]",
+                     general + "\n", re.S)
     summary = (title[1] or title[2]).rstrip(".")
     parts = list(declarations(header))
     for start, end, comment in rest:
@@ -146,11 +151,14 @@ for header in headers:
         elif same(comment) not in attached and not comment.startswith("Marks a function"):
             parts.append((start, prose(comment)))
     after = general[title.end():].strip() if title else ""
-    (folder / f"{header}.md").write_text(f"# {header}\n\n*{inline(capital(summary))}.*\n\n{prose(after)}\n" + "\n".join(said for _, said in sorted(parts)))
-    rows.append(f"| [`{header}`]({header}.md) | {inline(capital(summary))} | {len([f for f in functions.values() if f['header'] == header])} |\n")
+    (folder / f"{header}.md").write_text(f"# {header}\n\n*{inline(capital(summary))}.*\n\n{prose(after)}\n"
+                                         + "\n".join(said for _, said in sorted(parts)))
+    count = sum(function["header"] == header for function in functions.values())
+    rows.append(f"| [`{header}`]({header}.md) | {inline(capital(summary))} | {count} |\n")
 
 (_, _, general), *_ = comments.of_header(description.INCLUDE / "forceserver.h")
 general = capital(general.removeprefix("forceserver.h - "))
 (folder / "index.md").write_text(
-    "# The C functions\n\n| header | | functions |\n|---|---|---|\n" + "".join(rows) + "\n" + prose(general) + "\n:::{toctree}\n:hidden:\n" + "".join(f"\n{header}.md" for header in headers) + "\n:::\n")
+    "# The C functions\n\n| header | | functions |\n|---|---|---|\n" + "".join(rows) + "\n" + prose(general)
+    + "\n:::{toctree}\n:hidden:\n" + "".join(f"\n{header}.md" for header in headers) + "\n:::\n")
 print(f"{len(headers) + 1} pages in {folder}")

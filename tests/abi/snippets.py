@@ -25,7 +25,8 @@ root, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 c, cxx = sys.argv[3:5]
 INCLUDE = root / "include"
 NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
-PROGRAMS = {"forceserver": "lib/program/forceserver", "forceserver-bridge": "bindings/dds/forceserver-bridge", "fidel-controller": "device/fidel-controller"}
+PROGRAMS = {"forceserver": "lib/program/forceserver", "forceserver-bridge": "bindings/dds/forceserver-bridge",
+            "fidel-controller": "device/fidel-controller"}
 
 # Who runs the pieces in Python and Java: the test, and what it says of the page.
 ELSEWHERE = {
@@ -126,14 +127,16 @@ def compile_c(where, text, is_whole, folder, language="c"):
         text = BEFORE + ("" if "void check(" in text else CHECK) + text + "\nint main(void) { return 0; }\n"
         text = text.replace("static ", "__attribute__((unused)) static ")
     else:
-        spring = "" if "fs_object spring" in text else 'fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT); (void)spring;\n'
+        spring = 'fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT); (void)spring;\n'
+        spring = "" if "fs_object spring" in text else spring
         charge = "double battery_charge(void); double battery_charge(void) { return 1; }\n" if "battery_charge" in text else ""
         text = f"{BEFORE}{CHECK}{charge}int main(void)\n{{\n{HANDLES}  {spring}  {{\n{text}\n  }}\n  return 0;\n}}\n".replace(
             "static void check", "__attribute__((unused)) static void check")
     source.write_text(text)
     compiler = [c, "-std=gnu99"] if language == "c" else [cxx, "-std=c++20"]
-    if run(where, *compiler, "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", source, f"-L{build}", "-lforceserver", "-lm", f"-Wl,-rpath,{build}", "-o", program,
-           cwd=folder) is not None and runs and program.exists():
+    flags = ["-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", f"-L{build}", "-lforceserver", "-lm", f"-Wl,-rpath,{build}"]
+    run(where, *compiler, source, *flags, "-o", program, cwd=folder)
+    if runs and program.exists():
         run(where, program, cwd=folder)
     counts[f"{language}: compiled{' and run' if runs else ''}"] += 1
     program.unlink(missing_ok=True)
@@ -144,7 +147,8 @@ def options_of(name, command=()):
     """The commands and options that a program has."""
     help_ = subprocess.run([build / PROGRAMS[name], *command, "--help"], text=True, capture_output=True).stdout
     commands = re.search(r"Subcommands:\n((?:  .*\n)+)", help_)
-    return set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_)), set(re.findall(r"(?m)^  ([a-z][\w-]*)", commands[1] if commands else ""))
+    options = set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_))
+    return options, set(re.findall(r"(?m)^  ([a-z][\w-]*)", commands[1] if commands else ""))
 
 
 PREFIX = re.compile(r"\w+=.*|sudo|env|time|timeout|setarch|-[a-zA-Z]|\d+")  # what may stand before a command
@@ -205,8 +209,8 @@ def check_shell(where, text):
             check_command(where, words)
 
 
-COMMAND = re.compile(r"(\w+\$ +)?(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|\./[\w./-]+|forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|"
-                     r"cyclonedds|ros2|for|cat|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
+COMMAND = re.compile(r"(\w+\$ +)?(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|\./[\w./-]+|"
+                     r"forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|cyclonedds|ros2|for|cat|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
 SHELL = ("sh", "bash", "console", "shell")
 with tempfile.TemporaryDirectory() as temporary:
     folder = pathlib.Path(temporary)
@@ -245,7 +249,8 @@ with tempfile.TemporaryDirectory() as temporary:
                 else:
                     compile_c(where, text, "int main(" in text, folder, language)
             elif language == "cmake":
-                if "cmake_minimum_required" not in text or 'block(PAGE, "cmake", "cmake_minimum_required")' not in (root / "tests/abi/install.py").read_text():
+                of_install = 'block(PAGE, "cmake", "cmake_minimum_required")' in (root / "tests/abi/install.py").read_text()
+                if "cmake_minimum_required" not in text or not of_install:
                     fail(where, "nobody checks it")
                 counts["cmake: tests/abi/install.py"] += 1
             elif language == "json":
@@ -282,7 +287,8 @@ with tempfile.TemporaryDirectory() as temporary:
                 if said[0].startswith("{"):
                     check_json(where, said[0])
                 elif ";" in said[0] and re.search(r"\bfs_\w+\(", said[0]):
-                    compile_c(where, "\n".join("  " + re.sub(r"(;)[^;]*$", r"\1", line) for line in said[0].splitlines()), False, folder)
+                    code = re.sub(r"(?m);[^;\n]*$", ";", said[0])  # without the remarks
+                    compile_c(where, code, False, folder)
                     counts["in headers"] += 1
                 else:
                     counts["pictures and tables in headers"] += 1

@@ -36,7 +36,8 @@ for path, page in pages.items():
         links += 1
         there = (path.parent / urllib.parse.unquote(parts.path)).resolve() if parts.path else path
         place = urllib.parse.unquote(parts.fragment)
-        if not there.is_relative_to(folder) or not there.is_file() or place and there in pages and place not in pages[there].places:
+        is_there = there.is_relative_to(folder) and there.is_file()
+        if not is_there or place and there in pages and place not in pages[there].places:
             dead.append(f"{path.relative_to(folder)}: {link} leads nowhere")
 print("\n".join(sorted(dead)[:50] + [f"{len(pages)} pages, {links} links within the site, {len(dead)} dead"]))
 sys.exit(bool(dead) or not links)

@@ -15,7 +15,8 @@ import sys
 here = pathlib.Path(__file__).resolve().parent
 root, source = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
-CODE = r"(?ms)^ {0,3}(?P<fence>`{3,}|~{3,}).*?^ {0,3}(?P=fence)[`~]*$|^ {4}.*?$|(?P<ticks>`+)(?!`)(?:(?!\n\s*\n).)+?(?<!`)(?P=ticks)(?!`)"
+CODE = (r"(?ms)^ {0,3}(?P<fence>`{3,}|~{3,}).*?^ {0,3}(?P=fence)[`~]*$"  # within fences, indented, or within a paragraph
+        r"|^ {4}.*?$|(?P<ticks>`+)(?!`)(?:(?!\n\s*\n).)+?(?<!`)(?P=ticks)(?!`)")
 JAVA = """# The Java classes
 
 <a href="../java/index.html">The Javadoc of the package <code>org.forceserver</code></a> describes every class. [forceserver for

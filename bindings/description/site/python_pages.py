@@ -6,6 +6,7 @@ import inspect
 import pathlib
 import sys
 
+import forceserver
 from forceserver import _core, _objects, _plot, _scene, _table
 
 folder = pathlib.Path(sys.argv[1])
@@ -21,9 +22,9 @@ def kind(name):
 
 def documented(names, options=""):
     for name in names:
-        thing = getattr(_core, name, None) or next(getattr(part, name) for part in (_scene, _objects, _plot, _table, _core) if hasattr(part, name))
+        thing = getattr(forceserver, name)
         directive = "autoclass" if inspect.isclass(thing) else "autofunction" if callable(thing) else "autodata"
-        yield f".. {directive}:: {name}" + (f"\n   :members:\n   :undoc-members:{options}" if directive == "autoclass" else "") + "\n"
+        yield f".. {directive}:: {name}\n" + (f"   :members:\n   :undoc-members:{options}\n" if directive == "autoclass" else "")
 
 
 def page(name, title, said, names, options=""):
@@ -33,16 +34,19 @@ def page(name, title, said, names, options=""):
 
 
 folder.mkdir(parents=True, exist_ok=True)
-core = {of: [name for name in _core.__all__ if kind(name) == of] for of in ("structs", "enums", "functions", "errors", "constants")}
+core = {of: [] for of in ("structs", "enums", "functions", "errors", "constants")}
+for name in _core.__all__:
+    core[kind(name)].append(name)
 pages = page("scenes", "Scenes, servos and devices", "The handles, with all C functions as their methods.", _scene.__all__, INHERITED)
 pages += page("objects", "Objects and profiles", "What is put into a scene.", [*_objects.__all__, "Shape", "Curve", "Surface"])
 pages += page("pictures", "Pictures and tables", "", [*_plot.__all__, *_table.__all__])
-pages += page("structs", "Structs", "Each is a class with the fields of the C struct. `copy()` gives a copy that shares nothing with it but shapes, curves and surfaces, and `dtype` is "
-              "its type in an array of NumPy.", core["structs"],
+pages += page("structs", "Structs", "Each is a class with the fields of the C struct. `copy()` gives a copy that shares nothing with it but "
+              "shapes, curves and surfaces, and `dtype` is its type in an array of NumPy.", core["structs"],
               "\n   :exclude-members: copy, dtype")
 pages += page("enums", "Enums and constants", "", core["enums"] + core["constants"])
 pages += page("functions", "Functions", "What belongs to no handle.", core["functions"])
 pages += page("errors", "Errors", "Each status has an exception; all of them are `Error`.", core["errors"])
 (folder / "index.md").write_text(
-    "# The Python package\n\nWhat `import forceserver as fs` gives. [forceserver for Python](../../bindings/python/index.md) shows how it is used.\n\n"
+    "# The Python package\n\nWhat `import forceserver as fs` gives. [forceserver for Python](../../bindings/python/index.md) shows how it "
+    "is used.\n\n"
     f"```{{toctree}}\n{pages}```\n\n```{{eval-rst}}\n.. automodule:: forceserver\n```\n")
