@@ -211,7 +211,7 @@ def check_shell(where, text):
 
 COMMAND = re.compile(r"(\w+\$ +)?(sudo |time )?(\.?\./)*((build|examples|tests|bindings|device)/[\w./-]+|\./[\w./-]+|"
                      r"forceserver(-\w+)?|fidel-controller|cmake|ninja|pip|python3?|mvn|javac?|cd|export|cc|echo|cyclonedds|ros2|for|cat|apt-get|systemctl|ulimit|PATH=\S+)( |$)")
-SHELL = ("sh", "bash", "console", "shell")
+SHELL = ("sh", "bash", "shell")
 with tempfile.TemporaryDirectory() as temporary:
     folder = pathlib.Path(temporary)
     (folder / "part.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -255,6 +255,8 @@ with tempfile.TemporaryDirectory() as temporary:
                 counts["cmake: tests/abi/install.py"] += 1
             elif language == "json":
                 check_json(where, text)
+            elif language == "console":  # a command behind "$ ", and what it prints
+                check_shell(where, "\n".join(re.findall(r"(?m)^\w*\$ +(.*)$", text)))
             elif language in SHELL or language == "" and not re.match(r"[{<]", text):
                 check_shell(where, text)
             elif language == "indented":
