@@ -26,6 +26,8 @@ constexpr KnownDevice known_devices[] = {
     {0x2988, 0, nullptr, "Touch", "openhaptics"},
 };
 
+constexpr const char* rule_name = "60-forceserver.rules";
+
 // The first line of a file that describes a device; "" where there is none.
 std::string line_of(const std::filesystem::path& file) {
   std::string line;
@@ -78,14 +80,34 @@ std::string why_none(const Bus& bus) {
       bus.others, bus.others == 1 ? "" : "s");
 }
 
-std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known) {
+Trouble trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known) {
   const auto driver = std::find_if(known.begin(), known.end(),
                                    [&](const fs_driver_info& info) { return std::strcmp(info.scheme, seen.scheme) == 0; });
-  if (driver == known.end()) return format("it needs the driver %s, which is not installed", seen.scheme);
-  if (*driver->trouble) return format("it needs the driver %s, which cannot be used (see above)", seen.scheme);
-  if (access(seen.node.c_str(), R_OK | W_OK) == 0) return "";
-  if (errno == ENOENT) return "the system has made no node for it";
-  return format(
-      "this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
-      "/etc/udev/rules.d, then unplug the device and plug it in again");
+  if (driver == known.end()) return {format("it needs the driver %s, which is not installed", seen.scheme), ""};
+  if (*driver->trouble) return {format("it needs the driver %s, which cannot be used (see above)", seen.scheme), ""};
+  if (access(seen.node.c_str(), R_OK | W_OK) == 0) return {};
+  if (errno == ENOENT) return {"the system has made no node for it", ""};
+  return {"this user may not open it", install_rule() + "\nthen unplug the device and plug it in again"};
+}
+
+std::string installed_rule() {
+  for (const char* folder : {"/etc/udev/rules.d/", "/run/udev/rules.d/", "/usr/local/lib/udev/rules.d/", "/usr/lib/udev/rules.d/",
+                             "/lib/udev/rules.d/"}) {
+    const std::string file = std::string(folder) + rule_name;
+    if (access(file.c_str(), F_OK) == 0) return file;
+  }
+  return "";
+}
+
+std::string install_rule() {
+  std::error_code none;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
+  std::string source = "device/udev/";  // of the sources, where nothing is installed
+  for (const std::string& folder :
+       {program.parent_path().parent_path().string() + "/share/forceserver/", std::string(FORCESERVER_DATA_FOLDER "/")}) {
+    if (access((folder + rule_name).c_str(), F_OK) != 0) continue;
+    source = folder;
+    break;
+  }
+  return "sudo cp '" + source + rule_name + "' /etc/udev/rules.d/ && sudo udevadm control --reload";
 }

@@ -25,5 +25,12 @@ Bus look_at_bus();
 // What there is instead of a haptic device, and what to look at.
 std::string why_none(const Bus& bus);
 
-// Why the device cannot be used, and what to do; "": nothing stands in the way. known: the drivers.
-std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known);
+// Why the device cannot be used; "": nothing stands in the way. cure: what to do, where that is more than the trouble says.
+struct Trouble {
+  std::string what, cure;
+};
+Trouble trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known);  // known: the drivers
+
+// The rule that gives users the devices on the USB: where it is installed ("": nowhere), and how to install it.
+std::string installed_rule();
+std::string install_rule();

@@ -63,7 +63,8 @@ void add(const fs_driver_info& driver, bool as_json, Json& list) {
 
 // A device on the USB bus: whether there is a driver for it, and whether this user may open it.
 void add(const SeenDevice& seen, const std::vector<fs_driver_info>& known, bool as_json, Json& list) {
-  const std::string trouble = trouble_of(seen, known);
+  const auto [what, cure] = trouble_of(seen, known);
+  const std::string trouble = what + (cure.empty() ? "" : ": " + cure);
   if (!as_json) {
     std::printf("usb %04x:%04x, %s at %s: %s\n", seen.vendor, seen.product, seen.name.c_str(), seen.node.c_str(),
                 trouble.empty() ? format("for the driver %s", seen.scheme).c_str() : trouble.c_str());

@@ -124,6 +124,19 @@ parentheses:
 
 device.h has the ranges of all of them.)";
 
+const char* const doctor_help = R"(examples:
+  forceserver doctor > doctor.txt
+      a page for a report: what is installed, what the system grants to a servo, which devices and servers there are, and how
+      late a servo is on this machine for ten seconds
+  forceserver doctor --seconds 1
+  forceserver doctor --json
+      one JSON document, in SI units
+
+For each thing that is wrong the page says what is wrong, and the command that cures it. It changes nothing, opens no device and
+connects to no server. It needs no root; what this user may not see it calls not known. The page names the user, the servers and
+the serial numbers of haptic devices on the USB: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
+something is, 2 when the page could not be made.)";
+
 const char* const test_device_help = R"(examples:
   forceserver test-device mine:0 --driver ./libmine.so > page.md
       without force: the properties that the driver tells of, the rate, intervals and age of its states, how long each
@@ -209,8 +222,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Each command has its own help with examples: forceserver run --help\n"
-      "Exit status: 0 all is well; 1 something is odd (check, test-device, hello-device), a fault happened (run) or the\n"
-      "server has gone (clients, watch, stop, resume); 2 the command failed");
+      "Exit status: 0 all is well; 1 something is odd or wrong (check, doctor, test-device, hello-device), a fault\n"
+      "happened (run) or the server has gone (clients, watch, stop, resume); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -322,6 +335,16 @@ int main(int argc, char** argv) {
   devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);
 
+  DoctorOptions doctor_options;
+  CLI::App* doctor_command =
+      app.add_subcommand("doctor", "What is wrong on this machine, and what cures it: a page for a report");
+  doctor_command->add_option("--seconds", doctor_options.seconds, "How long the lateness of a servo is measured")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.1, 10.0).description(""))
+      ->capture_default_str();
+  doctor_command->add_flag("--json", doctor_options.json, "One JSON document");
+  doctor_command->footer(doctor_help);
+
   TestDeviceOptions test_options;
   CLI::App* test_command = app.add_subcommand("test-device", "Test a device and its driver, for whoever makes one");
   test_command->add_option("device", test_options.uri, "The device; see `forceserver devices`")->type_name("");
@@ -396,6 +419,7 @@ int main(int argc, char** argv) {
       return evaluate(evaluate_options);
     }
     if (*devices_command) return devices(devices_options);
+    if (*doctor_command) return doctor(doctor_options);
     if (*test_command) {
       need(test_options.uri, "test-device needs a device, such as: forceserver test-device sim:");
       return test_device(test_options);

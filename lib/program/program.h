@@ -42,6 +42,12 @@ struct DevicesOptions {
 };
 int devices(const DevicesOptions& options);
 
+struct DoctorOptions {
+  double seconds = 10;  // of the measurement
+  bool json = false;
+};
+int doctor(const DoctorOptions& options);
+
 struct TestDeviceOptions {
   std::string uri, driver;
   double push = 0;     // N; 0: no force

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,15 @@ std::string milliseconds(double seconds);  // "0.022 ms", in at most three digit
 
 // Flushes what was printed. Returns false when the reader of a pipe has gone.
 bool write_out();
+
+// What f returns, or why that is not known.
+std::string known(auto&& f) {
+  try {
+    return f();
+  } catch (const std::exception& error) {
+    return std::string("not known: ") + error.what();
+  }
+}
 
 // A table with headings: the first column is aligned left, the others right.
 class Table {
