@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "ipc/region.h"
 
 namespace fs {
 namespace {
@@ -18,7 +19,8 @@ constexpr size_t most_at_once = 1 << 30;
 
 BlobWriter::BlobWriter() : blob_(memfd_create("forceserver-data", MFD_CLOEXEC | MFD_ALLOW_SEALING)) {
   if (blob_) return;
-  fail(status_without_descriptor(errno), "shared memory could not be made: %s", std::strerror(errno));
+  const int error = errno;
+  fail(status_without_descriptor(error), "shared memory could not be made: %s%s", std::strerror(error), memory_file_hint(error));
 }
 
 void BlobWriter::write(std::span<const std::byte> part) {

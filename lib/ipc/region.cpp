@@ -11,11 +11,18 @@
 
 namespace fs {
 
+const char* memory_file_hint(int error) noexcept {
+  const bool is_refused = error == EPERM || error == EACCES || error == ENOSYS;
+  return is_refused ? ": memfd_create is not allowed here, as by the seccomp filter of a container" : "";
+}
+
 Descriptor make_region(const char* label, size_t bytes) {
   Descriptor region(memfd_create(label, MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!region || ftruncate(region.get(), static_cast<off_t>(bytes)) != 0 ||
       fcntl(region.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0) {
-    fail(status_without_descriptor(errno), "shared memory of %zu bytes could not be made: %s", bytes, std::strerror(errno));
+    const int error = errno;
+    fail(status_without_descriptor(error), "shared memory of %zu bytes could not be made: %s%s", bytes, std::strerror(error),
+         memory_file_hint(error));
   }
   return region;
 }

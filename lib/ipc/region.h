@@ -9,6 +9,9 @@
 
 namespace fs {
 
+// The end of a sentence that says with which errno a memory file was not made: what may be the cause, or "".
+const char* memory_file_hint(int error) noexcept;
+
 // A memory file of so many bytes, all 0, that nobody can make longer or shorter. IO, FULL.
 Descriptor make_region(const char* label, size_t bytes);
 // Makes the seals final. against_writing: from now on only what is mapped already can write to it. IO.

@@ -215,7 +215,8 @@ void tell_limits(DoctorPage& page) {
   const char* const seccomp =
       "allow it in the seccomp filter of the container, such as: docker run --security-opt seccomp=unconfined";
   page.figure("shared memory", memfd.empty() ? "memfd_create works" : "memfd_create is refused: " + memfd);
-  if (!memfd.empty()) page.wrong("the system refuses memfd_create, without which there are no servers and no clients", seccomp);
+  if (!memfd.empty())
+    page.wrong("the system refuses memfd_create, without which no server can be started and no client can send a mesh", seccomp);
   page.figure("end of processes", pidfd.empty() ? "pidfd_open works" : "pidfd_open is refused: " + pidfd);
   if (!pidfd.empty()) {
     page.better(
@@ -232,8 +233,9 @@ void tell_limits(DoctorPage& page) {
                 const std::optional<MemoryLimit> limit = memory_limit();
                 if (!limit) return "no limit by a control group";
                 const double left = double(limit->most) - double(std::min(limit->used, limit->most));
-                if (left < 64e6) {
-                  page.wrong("a control group leaves " + bytes_text(left) + " of memory, and a server alone needs about 64 MB",
+                if (left < 32e6) {
+                  page.wrong("a control group leaves " + bytes_text(left) +
+                                 " of memory, and a server needs about 30 MB even without meshes",
                              "raise the limit: `docker update --memory 1g CONTAINER`, or MemoryMax= in the unit of systemd");
                 }
                 return "limited to " + bytes_text(double(limit->most)) + " by a control group, of which " + bytes_text(left) +
