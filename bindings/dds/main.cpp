@@ -54,9 +54,10 @@ std::pair<std::string, fs_frame> parse_frame(const std::string& text) {
 std::string full_endpoint(const std::string& name) { return name.find(':') == std::string::npos ? "shm:" + name : name; }
 
 int run(int argc, char** argv) {
-  CLI::App app("Joins the force-servers of several machines: what clients of one have is felt at all of them.");
+  CLI::App app("Joins the force-servers of several machines: what clients of one have is felt at all of them.",
+               "forceserver-bridge");
   app.footer(help);
-  app.set_version_flag("--version", fs_version());
+  app.set_version_flag("--version", std::string("forceserver-bridge ") + fs_version());
   bridge::Options options;
   bridge::Participant::Settings& network = options.network;
   std::string server, listen;

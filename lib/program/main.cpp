@@ -1,9 +1,11 @@
 #include <cstdio>
+#include <string_view>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "arguments.h"
+#include "complete.h"
 #include "program.h"
 #include "words.h"
 
@@ -382,6 +384,8 @@ int main(int argc, char** argv) {
   hello_command->footer(hello_device_help);
 
   try {
+    const bool is_for_shell = argc > 1 && argv[1] == std::string_view("--complete");  // see completion.bash
+    if (is_for_shell) return complete(app, {argv + 2, argv + argc});
     require_command(app, argc, argv);
     app.parse(argc, argv);
     if (*run_command) {
