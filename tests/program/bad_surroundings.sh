@@ -35,6 +35,7 @@ evaluates() {
 serves() {
   local what=$1 server i
   shift
+  : > served  # what the server before has said
   "$@" "$program" run "$scene" --listen "$name" > served 2>&1 < /dev/null &
   server=$!
   for ((i = 0; i < 100; ++i)); do

@@ -37,6 +37,7 @@ offers() {  # SHELL LINES WORD...: it offers these lines, in this order
   [ "$found" = "$wanted" ] || fail "$shell $*: offers '$found', expected '$wanted'"
 }
 
+: > served
 "$program" run --listen "$name" > served 2>&1 < /dev/null &
 server=$!
 for _ in $(seq 100); do

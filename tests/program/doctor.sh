@@ -68,6 +68,7 @@ expect 2 '^forceserver: cannot write: ' sh -c '"$@" > /dev/full' sh "${doctor[@]
 
 # Servers that run here; the name of another's could hold commands for a terminal.
 for option in "" --all-users; do
+  : > served  # what the server before has said
   "$program" run --listen "$name" $option > served 2>&1 < /dev/null &
   server=$!
   for _ in $(seq 100); do
