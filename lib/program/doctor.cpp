@@ -33,16 +33,14 @@ std::string bytes_text(double bytes) {
   return bytes >= 1e6 ? format("%.0f MB", bytes / 1e6) : format("%.0f kB", bytes / 1e3);
 }
 
-std::string limit_text(rlim_t limit, bool is_bytes) {
-  if (limit == RLIM_INFINITY) return "unlimited";
-  return is_bytes ? bytes_text(double(limit)) : std::to_string(limit);
-}
-
-rlim_t limit_of(__rlimit_resource resource) {
+// JSON: null where it is unlimited.
+void tell_limit(DoctorPage& page, const char* label, __rlimit_resource resource, std::string (*to_text)(double)) {
   rlimit limit{};
-  if (getrlimit(resource, &limit) != 0) throw std::runtime_error(std::strerror(errno));
-  return limit.rlim_cur;
+  if (getrlimit(resource, &limit) != 0) return page.figure(label, std::string("not known: ") + std::strerror(errno));
+  if (limit.rlim_cur == RLIM_INFINITY) return page.figure(label, "unlimited", nullptr);
+  page.figure(label, to_text(double(limit.rlim_cur)), limit.rlim_cur);
 }
+std::string count_text(double count) { return format("%.0f", count); }
 
 bool has_expressions() {
   fs_curve* curve = nullptr;
@@ -101,12 +99,14 @@ std::string how_to_grant() {
 
 void tell_grants(DoctorPage& page) {
   const std::string fifo = refusal_of_fifo(servo_priority), lock = refusal_of_lock(locked_bytes);
-  page.figure("SCHED_FIFO", format("priority %d, which a servo asks for, is ", servo_priority) +
-                                (fifo.empty() ? "granted" : "refused: " + fifo));
+  page.figure("SCHED_FIFO",
+              format("priority %d, which a servo asks for, is ", servo_priority) +
+                  (fifo.empty() ? "granted" : "refused: " + fifo),
+              fifo.empty());
   page.figure("locked memory",
-              bytes_text(double(locked_bytes)) + (lock.empty() ? " can be locked" : " cannot be locked: " + lock));
-  page.figure("RLIMIT_RTPRIO", known([] { return limit_text(limit_of(RLIMIT_RTPRIO), false); }));
-  page.figure("RLIMIT_MEMLOCK", known([] { return limit_text(limit_of(RLIMIT_MEMLOCK), true); }));
+              bytes_text(double(locked_bytes)) + (lock.empty() ? " can be locked" : " cannot be locked: " + lock), lock.empty());
+  tell_limit(page, "RLIMIT_RTPRIO", RLIMIT_RTPRIO, count_text);
+  tell_limit(page, "RLIMIT_MEMLOCK", RLIMIT_MEMLOCK, bytes_text);
   page.figure("capabilities", known([] {
                 std::vector<std::string> names;
                 if (has_capability(CAP_SYS_NICE)) names.push_back("CAP_SYS_NICE");
@@ -137,10 +137,11 @@ void tell_devices(DoctorPage& page) {
   std::string text;
   for (const std::string& line : lines) text += (text.empty() ? "" : "\n") + line;
   page.figure("drivers", text.empty() ? "none" : text, told);
-  page.figure("devices", known([&] {
-                for (const fs_device_entry& entry : forceserver::device_list()) uris.push_back(entry.uri);
-                return join(uris, "none");
-              }));
+  const std::string found_devices = known([&] {
+    for (const fs_device_entry& entry : forceserver::device_list()) uris.push_back(entry.uri);
+    return join(uris, "none");
+  });
+  page.figure("devices", found_devices, uris);
   const Bus bus = look_at_bus();
   text.clear();
   for (const SeenDevice& seen : bus.seen) {
@@ -214,10 +215,10 @@ void tell_limits(DoctorPage& page) {
   const std::string memfd = refusal_of_memfd(), pidfd = refusal_of_pidfd();
   const char* const seccomp =
       "allow it in the seccomp filter of the container, such as: docker run --security-opt seccomp=unconfined";
-  page.figure("shared memory", memfd.empty() ? "memfd_create works" : "memfd_create is refused: " + memfd);
+  page.figure("shared memory", memfd.empty() ? "memfd_create works" : "memfd_create is refused: " + memfd, memfd.empty());
   if (!memfd.empty())
     page.wrong("the system refuses memfd_create, without which no server can be started and no client can send a mesh", seccomp);
-  page.figure("end of processes", pidfd.empty() ? "pidfd_open works" : "pidfd_open is refused: " + pidfd);
+  page.figure("end of processes", pidfd.empty() ? "pidfd_open works" : "pidfd_open is refused: " + pidfd, pidfd.empty());
   if (!pidfd.empty()) {
     page.better(
         "the system refuses pidfd_open: the end of a program whose forked children live on is noticed only with their end",
@@ -241,7 +242,7 @@ void tell_limits(DoctorPage& page) {
                 return "limited to " + bytes_text(double(limit->most)) + " by a control group, of which " + bytes_text(left) +
                        " are left";
               }));
-  page.figure("address space", known([] { return limit_text(limit_of(RLIMIT_AS), true); }));
+  tell_limit(page, "address space", RLIMIT_AS, bytes_text);
   page.figure("processor time", known([&]() -> std::string {
                 const std::optional<double> limit = processor_limit();
                 if (!limit) return "no limit by a control group";
@@ -250,15 +251,12 @@ void tell_limits(DoctorPage& page) {
                             "remove the limit: `docker update --cpus 0 CONTAINER`, or CPUQuota= in the unit of systemd");
                 return format("limited to %.2g processors by a control group", *limit);
               }));
-  page.figure("descriptors", known([&] {
-                const rlim_t limit = limit_of(RLIMIT_NOFILE);
-                if (limit < 256) {
-                  page.better("a process may open only " + std::to_string(limit) +
-                                  " files: a server needs up to 8 for each client",
-                              "ulimit -n 1024");
-                }
-                return limit_text(limit, false);
-              }));
+  tell_limit(page, "descriptors", RLIMIT_NOFILE, count_text);
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < 256) {
+    page.better("a process may open only " + std::to_string(files.rlim_cur) + " files: a server needs up to 8 for each client",
+                "ulimit -n 1024");
+  }
   tell_home(page);
 }
 

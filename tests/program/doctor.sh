@@ -54,6 +54,7 @@ import json
 d = json.load(open('page.json'))
 assert list(d) == ['version', 'machine', 'real_time', 'devices', 'servers', 'limits', 'lateness', 'wrong', 'better', 'verdict'], list(d)
 assert d['lateness']['measured'] == 0.1
+assert 'sim:' in d['devices']['devices'] and type(d['real_time']['sched_fifo']) is bool and d['limits']['descriptors'] > 0
 for late in d['lateness']['servo'], d['lateness']['idle_thread']:
     assert 0 <= late['late_p50'] <= late['late_p99'] <= late['late_max'] < 60, late
 assert 'sim' in [driver['scheme'] for driver in d['devices']['drivers']]
@@ -98,6 +99,9 @@ bare=(prlimit --memlock=0 --rtprio=0 --)
 expect 1 '^WRONG   the system refuses a servo a real-time priority, .*, locked memory, ' "${bare[@]}" "${doctor[@]}"
 also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - nice -15' '$(id -un) - memlock 65536' \| sudo tee /etc/security/limits.d/"
 also '^    granted +(none|nice)$'
+
+(ulimit -n 100; exec "${doctor[@]}" > few 2>&1)
+grep -q '^better  a process may open only 100 files' few || fail "doctor does not see that a process may open few files"
 
 # Devices on the USB, here an imitated one.
 if command -v umockdev-run > /dev/null && [[ $(ldd "$program") != *lib[at]san* ]] && ! ldconfig -p | grep -q 'libdrd\.so\.3'; then
