@@ -253,8 +253,9 @@ void tell_limits(DoctorPage& page) {
               }));
   tell_limit(page, "descriptors", RLIMIT_NOFILE, count_text);
   rlimit files{};
-  if (getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < 256) {
-    page.better("a process may open only " + std::to_string(files.rlim_cur) + " files: a server needs up to 8 for each client",
+  if (getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < 128) {
+    page.better("a process may open only " + std::to_string(files.rlim_cur) +
+                    " files: a server needs about 10, and 2 or more for each client",
                 "ulimit -n 1024");
   }
   tell_home(page);
