@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr const char* files = ":files";
+constexpr const char* files_word = ":files";
 
 bool takes_value(const CLI::Option& option) { return option.get_items_expected_max() > 0; }
 
@@ -29,7 +29,7 @@ class Offers {
   void add(const std::string& word, const std::string& description = "") const {
     if (word.starts_with(begun_)) std::printf("%s%s%s\n", word.c_str(), description.empty() ? "" : "\t", description.c_str());
   }
-  void add_files() const { std::puts(files); }
+  void add_files() const { std::puts(files_word); }
   void add_options(const CLI::App& command) const {
     for (const CLI::Option* option : command.get_options()) {
       for (const std::string& name : option->get_lnames()) add("--" + name, option->get_description());

@@ -17,13 +17,13 @@
 
 namespace {
 
-constexpr double rate = 1000;  // Hz
-constexpr int priority = 80;   // that of a servo, unless its options say otherwise
+constexpr double rate_of_servo = 1000;  // Hz
+constexpr int priority_of_servo = 80;  // that of a servo, unless its options say otherwise
 
 // Asks for what a servo asks for (fs_servo_options.priority).
 void ask_for_priority() {
   sched_param parameter{};
-  parameter.sched_priority = priority;
+  parameter.sched_priority = priority_of_servo;
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) == 0) return;
   prctl(PR_SET_TIMERSLACK, 1UL);
   setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), -15);
@@ -37,7 +37,7 @@ void idle(std::vector<double>& late) {
   timespec due{}, now{};
   clock_gettime(CLOCK_MONOTONIC, &due);
   for (double& each : late) {
-    due.tv_nsec += std::lround(1e9 / rate);
+    due.tv_nsec += std::lround(1e9 / rate_of_servo);
     if (due.tv_nsec >= 1000000000) {
       due.tv_nsec -= 1000000000;
       ++due.tv_sec;
@@ -45,7 +45,7 @@ void idle(std::vector<double>& late) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr);
     clock_gettime(CLOCK_MONOTONIC, &now);
     each = to_seconds(now) - to_seconds(due);
-    if (each > 1 / rate) due = now;  // as a servo, which skips the ticks that it missed
+    if (each > 1 / rate_of_servo) due = now;  // as a servo, which skips the ticks that it missed
   }
 }
 
@@ -55,8 +55,8 @@ Lateness measure_lateness(double seconds) {
   const Scene scene = Scene::create();
   const Device device = Device::open("sim:");
   fs_servo_options options = fs_servo_options_init();
-  options.rate = rate;
-  std::vector<double> late(static_cast<std::size_t>(std::ceil(seconds * rate)));
+  options.rate = rate_of_servo;
+  std::vector<double> late(static_cast<std::size_t>(std::ceil(seconds * rate_of_servo)));
   const Servo servo = Servo::start(scene, device, &options);
   std::thread waits([&] { idle(late); });
   waits.join();
