@@ -26,7 +26,7 @@ namespace {
 constexpr int servo_priority = 80;           // what a servo asks for, unless its options say otherwise
 constexpr int wanted_priority = 90;          // for limits.d: room for a driver's thread above the servo
 constexpr std::size_t locked_bytes = 6 << 20;  // a servo at 1 kHz locks about 5 MB
-constexpr const char* limits_file = "/etc/security/limits.d/60-forceserver.conf";
+constexpr const char* limits_file = "/etc/security/limits.d/forceserver.conf";
 
 std::string bytes_text(double bytes) {
   if (bytes >= 1e9) return format("%.1f GB", bytes / 1e9);
@@ -89,7 +89,7 @@ std::string how_to_grant() {
     text += std::string(limits_file) + " is there: log out and in again. If that does not help:\n";
   const std::string user = user_name(geteuid());
   text += "printf '%s\\n'";
-  for (const std::string& grant : {format("rtprio %d", wanted_priority), std::string("nice -15"), std::string("memlock 65536")}) {
+  for (const std::string& grant : {format("rtprio %d", wanted_priority), std::string("memlock unlimited")}) {
     text += " '" + user + " - " + grant + "'";
   }
   return text + " | sudo tee " + limits_file +

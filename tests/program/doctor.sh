@@ -101,7 +101,7 @@ bare=(prlimit --memlock=0 --rtprio=0 --)
 locked=', locked memory, '
 [ $sanitized = no ] || locked=  # a sanitizer locks no memory, and says that it did
 expect 1 "^WRONG   the system refuses a servo a real-time priority, .*$locked" "${bare[@]}" "${doctor[@]}"
-also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - nice -15' '$(id -un) - memlock 65536' \| sudo tee /etc/security/limits.d/"
+also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' \| sudo tee /etc/security/limits.d/"
 also '^    granted +(none|nice)$'
 
 (ulimit -n 100; exec "${doctor[@]}" > few 2>&1)
