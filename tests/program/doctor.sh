@@ -43,7 +43,7 @@ wrong=$(grep -c '^WRONG ' page)
 [ "$status" = "$((wrong > 0))" ] || fail "with $wrong things wrong it ends with $status"
 [ "$(grep -cE '^(WRONG|better) ' page)" = "$(grep -c '^  cure  .' page)" ] || fail "something that is wrong has no cure"
 version=$("$program" --version | cut -d ' ' -f 2)
-grep -qE "^    program +$version at $(realpath "$program")$" page || fail "the page does not tell the program"
+grep -E '^    program ' page | grep -qF " $version at $(realpath "$program")" || fail "the page does not tell the program"
 grep -qE '^    servo +late p50 [0-9]+ us, p99 [0-9]+ us, max [0-9]+ us$' page || fail "the page does not tell how late a servo is"
 grep -qE '^    idle thread +late p50 [0-9]+ us, p99 [0-9]+ us, max [0-9]+ us ' page || fail "the page has no idle thread"
 grep -qE '^    devices +sim:' page || fail "the page does not tell the devices"
