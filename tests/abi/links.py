@@ -8,7 +8,7 @@ import re
 import sys
 
 root = pathlib.Path(sys.argv[1]).resolve()
-NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the repository
+NOT_OURS = re.compile(r"build.*|node_modules|\.(?!github$).+")  # folders whose pages are not of the repository
 LARGEST = {".png": 300e3, ".gif": 2e6}  # bytes
 failures = links = 0
 
