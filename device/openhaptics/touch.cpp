@@ -38,7 +38,7 @@ std::string advice() {
   std::string text = "; its name must be one that the maker's Touch_Setup has written into $GTDD_HOME or ~/.3dsystems";
   const std::vector<UsbSeen> seen = usb_seen(usb_vendor);
   if (seen.empty()) text += ", and no device of 3D Systems is on the USB";
-  else if (!seen.front().may_open) text += ", and " + usb_rule_command("ATTR{idVendor}==\"2988\"") + " lets this user open it";
+  else if (!seen.front().may_open) text += ", and this user may not open it: " + usb_rule_advice("ATTR{idVendor}==\"2988\"");
   return text;
 }
 

@@ -225,9 +225,8 @@ void UsbDevice::open() {
   if (error != LIBUSB_ERROR_ACCESS) fail(error, "opening it");
   refuse(
       FS_ERROR_DENIED,
-      "%s '%s' is there, but this user may not open %s. Install the rule for it, once: %s && sudo udevadm control --reload; then "
-      "plug the device in again",
-      kind_.name, found_.serial.c_str(), found_.node.c_str(), usb_rule_command(match_of(kind_)).c_str());
+      "%s '%s' is there, but this user may not open %s: %s",
+      kind_.name, found_.serial.c_str(), found_.node.c_str(), usb_rule_advice(match_of(kind_)).c_str());
 }
 
 void UsbDevice::claim() {

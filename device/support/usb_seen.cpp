@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <fstream>
 
-#ifndef FORCESERVER_DATA_FOLDER
-#define FORCESERVER_DATA_FOLDER "/usr/share/forceserver"
+#ifndef FORCESERVER_RULES_FOLDER  // where our file of rules was installed
+#define FORCESERVER_RULES_FOLDER "/usr/lib/udev/rules.d"
 #endif
 
 namespace fs {
@@ -39,12 +39,19 @@ std::vector<UsbSeen> usb_seen(uint16_t vendor) {
   return out;
 }
 
-std::string usb_rule_command(const std::string& match) {
+std::string usb_rule_advice(const std::string& match) {
   const std::string name = "60-forceserver.rules", folder = "/etc/udev/rules.d/";
-  const std::string file = FORCESERVER_DATA_FOLDER "/" + name;
-  if (access(file.c_str(), R_OK) == 0) return "sudo cp " + file + " " + folder;
-  return "echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", " + match + ", TAG+=\"uaccess\"' | sudo tee -a " + folder +
-         name;
+  for (const std::string read : {"/etc/udev/rules.d/", "/usr/local/lib/udev/rules.d/", "/usr/lib/udev/rules.d/"}) {  // by udev
+    if (access((read + name).c_str(), R_OK) != 0) continue;
+    return "the rule " + read + name + " is there, so plug the device in again; if you are not logged in at the screen, that file " +
+           "says what to add";
+  }
+  const std::string file = FORCESERVER_RULES_FOLDER "/" + name;
+  const std::string command = access(file.c_str(), R_OK) == 0
+                                  ? "sudo cp " + file + " " + folder
+                                  : "echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", " + match +
+                                        ", TAG+=\"uaccess\"' | sudo tee -a " + folder + name;
+  return "install the rule for it, once: " + command + " && sudo udevadm control --reload; then plug the device in again";
 }
 
 }  // namespace fs

@@ -15,8 +15,8 @@ struct UsbSeen {
 
 std::vector<UsbSeen> usb_seen(uint16_t vendor);  // in the order of their nodes
 
-// The command by which an administrator lets users open the devices that the udev keys in `match` name: it installs our file of rules
-// where there is one. A wheel or a jar brings none, so there the rule stands in the command.
-std::string usb_rule_command(const std::string& match);
+// How this user may come to open the devices that the udev keys in `match` name. Where udev does not read our file of rules yet, an
+// administrator copies it. A wheel or a jar brings none, so there the rule stands in the command.
+std::string usb_rule_advice(const std::string& match);
 
 }  // namespace fs

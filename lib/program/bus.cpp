@@ -87,6 +87,8 @@ Trouble trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& kn
   if (*driver->trouble) return {format("it needs the driver %s, which cannot be used (see above)", seen.scheme), ""};
   if (access(seen.node.c_str(), R_OK | W_OK) == 0) return {};
   if (errno == ENOENT) return {"the system has made no node for it", ""};
+  const std::string rule = installed_rule();
+  if (!rule.empty()) return {"this user may not open it", "unplug the device and plug it in again; for use over ssh see " + rule};
   return {"this user may not open it", install_rule() + "\nthen unplug the device and plug it in again"};
 }
 
@@ -104,7 +106,7 @@ std::string install_rule() {
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
   std::string source = "device/udev/";  // of the sources, where nothing is installed
   for (const std::string& folder :
-       {program.parent_path().parent_path().string() + "/share/forceserver/", std::string(FORCESERVER_DATA_FOLDER "/")}) {
+       {program.parent_path().parent_path().string() + "/lib/udev/rules.d/", std::string(FORCESERVER_RULES_FOLDER "/")}) {
     if (access((folder + rule_name).c_str(), F_OK) != 0) continue;
     source = folder;
     break;

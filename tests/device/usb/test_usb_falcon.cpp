@@ -78,7 +78,7 @@ START_TEST(a_node_that_may_not_be_opened) {
   rig.bus.set(1, faults);
   fs_device* raw = nullptr;
   EXPECT_SENTENCE(FS_ERROR_DENIED, fs_device_open("falcon:0", &raw), rig.bus.node(1).c_str());
-  EXPECT_SENTENCE(FS_ERROR_DENIED, fs_device_open("falcon:0", &raw), "/etc/udev/rules.d/60-forceserver.rules");
+  EXPECT_SENTENCE(FS_ERROR_DENIED, fs_device_open("falcon:0", &raw), "60-forceserver.rules");
   std::printf("  %s\n", fs_last_error());
   ck_assert_uint_eq(rig.bus.counts(1).open_now, 0);
 }
