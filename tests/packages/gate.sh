@@ -96,9 +96,11 @@ ldconfig
 echo "a build in /usr/local: CMake, pkg-config and the loader take it; the packaged program keeps to its own library"
 
 # A wheel beside the packages has all its own, and its scene joins the server of the packages.
-if ls ./*.whl > /dev/null 2>&1; then
+wheel=$(ls ./*.whl 2> /dev/null || true)
+if [ -n "$wheel" ]; then
   apt -y install --no-install-recommends python3-numpy
-  python3 -m zipfile -e ./*.whl wheel
+  [[ $wheel = *-cp$(python3 -c 'import sys; print("%d%d" % sys.version_info[:2])')-* ]] || fail "$wheel is for another Python"
+  python3 -m zipfile -e "$wheel" wheel
   forceserver run room.json --listen lab --duration 60 > /dev/null &
   server=$!
   PYTHONPATH=wheel python3 - << 'PYTHON'
