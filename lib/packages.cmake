@@ -4,8 +4,6 @@ set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ
-  WORLD_EXECUTE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 set(CPACK_DEBIAN_PACKAGE_SOURCE forceserver)
@@ -25,6 +23,10 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR})
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS ON)
 
 set(work ${PROJECT_BINARY_DIR}/packages)
+# Folders are for all to read, whatever the umask of who makes the packages.
+file(WRITE ${work}/folders.cmake "execute_process(COMMAND chmod -R u=rwX,go=rX . WORKING_DIRECTORY \${CPACK_TEMPORARY_DIRECTORY}
+  COMMAND_ERROR_IS_FATAL ANY)\n")
+set(CPACK_PRE_BUILD_SCRIPTS ${work}/folders.cmake)
 string(TIMESTAMP year "%Y" UTC)
 string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)  # of SOURCE_DATE_EPOCH, if the environment has it
 file(WRITE ${work}/changelog "forceserver (${PROJECT_VERSION}) stable; urgency=medium
