@@ -37,8 +37,8 @@ file(WRITE ${work}/changelog "forceserver (${PROJECT_VERSION}) stable; urgency=m
 ")
 execute_process(COMMAND gzip -9nf ${work}/changelog COMMAND_ERROR_IS_FATAL ANY)
 
-# package(component name section summary description [library...]): library: a package of Debian that has only headers, so parts of it
-# are in the binaries. (Boost has only headers, too, but its licence asks for nothing where there is no source.)
+# package(component name section summary description [library...]): library: a package of Debian that has only headers, so parts
+# of it are in the binaries. (Boost has only headers, too, but its licence asks for nothing where there is no source.)
 set(CPACK_COMPONENTS_ALL)
 function(package component name section summary description)
   set(copyright "forceserver\n\nCopyright (C) ${year} the authors of forceserver\nLicence: Apache License, version 2.0; \
@@ -50,7 +50,8 @@ on Debian it is in /usr/share/common-licenses/Apache-2.0.\n")
     endif()
   endforeach()
   file(WRITE ${work}/${name}/copyright "${copyright}")
-  install(FILES ${work}/${name}/copyright ${work}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name} COMPONENT ${component})
+  install(FILES ${work}/${name}/copyright ${work}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name}
+    COMPONENT ${component})
 
   set(CPACK_COMPONENTS_ALL ${CPACK_COMPONENTS_ALL} ${component} PARENT_SCOPE)
   string(TOUPPER ${component} component)
@@ -81,7 +82,8 @@ the USB; and a controller that stands for the device FIDEL." nlohmann-json3-dev 
 endif()
 if(TARGET forceserver_bridge)
   package(dds forceserver-dds science "haptics: bridge between machines over DDS"
-    "This package has the program that joins the servers of several machines, and\nthe one that makes the keys for it." libcli11-dev)
+    "This package has the program that joins the servers of several machines, and\nthe one that makes the keys for it."
+    libcli11-dev)
   set(CPACK_DEBIAN_DDS_PACKAGE_RECOMMENDS openssl)  # make-keys
 endif()
 

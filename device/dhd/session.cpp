@@ -35,8 +35,8 @@ int count_devices(const Api& api) { return std::clamp(api.dhdGetDeviceCount(), 0
   }
   const UsbSeen& first = seen.front();
   if (!first.may_open) {
-    refuse(FS_ERROR_DENIED, "%s may not be opened by this user: %s",
-           first.node.c_str(), usb_rule_advice("ATTR{idVendor}==\"1451\"").c_str());
+    refuse(FS_ERROR_DENIED, "%s may not be opened by this user: %s", first.node.c_str(),
+           usb_rule_advice("ATTR{idVendor}==\"1451\"").c_str());
   }
   refuse(FS_ERROR_NOT_FOUND, "the Force Dimension SDK %s finds no device, although one is on the USB at %s: has it power?",
          api.version.c_str(), first.node.c_str());

@@ -223,10 +223,8 @@ void UsbDevice::open() {
   if (error == LIBUSB_SUCCESS) return;
   handle_ = nullptr;
   if (error != LIBUSB_ERROR_ACCESS) fail(error, "opening it");
-  refuse(
-      FS_ERROR_DENIED,
-      "%s '%s' is there, but this user may not open %s: %s",
-      kind_.name, found_.serial.c_str(), found_.node.c_str(), usb_rule_advice(match_of(kind_)).c_str());
+  refuse(FS_ERROR_DENIED, "%s '%s' is there, but this user may not open %s: %s", kind_.name, found_.serial.c_str(),
+         found_.node.c_str(), usb_rule_advice(match_of(kind_)).c_str());
 }
 
 void UsbDevice::claim() {

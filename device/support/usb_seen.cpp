@@ -43,14 +43,13 @@ std::string usb_rule_advice(const std::string& match) {
   const std::string name = "60-forceserver.rules", folder = "/etc/udev/rules.d/";
   for (const std::string read : {"/etc/udev/rules.d/", "/usr/local/lib/udev/rules.d/", "/usr/lib/udev/rules.d/"}) {  // by udev
     if (access((read + name).c_str(), R_OK) != 0) continue;
-    return "the rule " + read + name + " is there, so plug the device in again; if you are not logged in at the screen, that file " +
-           "says what to add";
+    return "the rule " + read + name +
+           " is there, so plug the device in again; if you are not logged in at the screen, that file " + "says what to add";
   }
   const std::string file = FORCESERVER_RULES_FOLDER "/" + name;
-  const std::string command = access(file.c_str(), R_OK) == 0
-                                  ? "sudo cp " + file + " " + folder
-                                  : "echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", " + match +
-                                        ", TAG+=\"uaccess\"' | sudo tee -a " + folder + name;
+  const std::string command = access(file.c_str(), R_OK) == 0 ? "sudo cp " + file + " " + folder
+                                                              : "echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", " +
+                                                                    match + ", TAG+=\"uaccess\"' | sudo tee -a " + folder + name;
   return "install the rule for it, once: " + command + " && sudo udevadm control --reload; then plug the device in again";
 }
 

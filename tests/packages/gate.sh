@@ -1,13 +1,17 @@
-# gate.sh: what `run` does as root in a fresh Debian that it has made, with the packages in /gate. It ends at the first thing that is
-# wrong.
+# gate.sh: what `run` does as root in a fresh Debian that it has made, with the packages in /gate. It ends at the first thing that
+# is wrong.
 set -euo pipefail
 cd /gate
 fail() { echo "FAILED: $*"; exit 1; }
 trap 'echo "FAILED: line $LINENO of gate.sh: $BASH_COMMAND"' ERR
-apt() { apt-get -qq -o Binary::apt-get::APT::Keep-Downloaded-Packages=true "$@" > /gate/apt.log 2>&1 || { cat /gate/apt.log; fail "apt-get $*"; }; }
+apt() {
+  apt-get -qq -o Binary::apt-get::APT::Keep-Downloaded-Packages=true "$@" > apt.log 2>&1 || { cat apt.log; fail "apt-get $*"; }
+}
 # files: all names in this system, but for those of apt's own lists, caches and logs.
-files() { find / -xdev \( -path /proc -o -path /sys -o -path /dev -o -path /tmp -o -path /gate -o -path /var/cache -o -path /var/log \
-  -o -path /var/lib/apt \) -prune -o -print | sort; }
+files() {
+  find / -xdev \( -path /proc -o -path /sys -o -path /dev -o -path /tmp -o -path /gate -o -path /var/cache -o -path /var/log \
+    -o -path /var/lib/apt \) -prune -o -print | sort
+}
 # installed: the size of all packages that are installed, in kB.
 installed() { dpkg-query -W -f '${Installed-Size}\n' | awk '{ sum += $1 } END { print sum }'; }
 # library_of PROGRAM: the library forceserver that the loader takes for it.
@@ -75,11 +79,12 @@ echo "hello by CMake and by pkg-config: $said ($SECONDS s so far)"
 # A build in /usr/local beside the packages: CMake, pkg-config and the loader take that one, and so does a program that was built
 # with the packages. The program of the packages keeps to the library of the packages.
 apt -y install ./forceserver_*.deb
-cp -r other/usr/local /usr
+for package in ./*.deb; do dpkg-deb -x "$package" other; done  # all files find each other, wherever they are
+cp -r other/usr/. /usr/local
 ldconfig
 by_cmake
 of_local=/usr/local/${of_system#/usr/}
-[[ $(sed -n 's/^forceserver_DIR:PATH=//p' build/CMakeCache.txt) = $of_local/* ]] || fail "CMake finds $(grep ^forceserver_DIR build/CMakeCache.txt)"
+grep -q "^forceserver_DIR:PATH=$of_local/" build/CMakeCache.txt
 [ "$(library_of build/hello)" = $of_local/libforceserver.so.1 ]
 [ "$(realpath "$(pkg-config --variable=libdir forceserver)")" = $of_local ]
 [ "$(ldconfig -p | sed -nE 's/.*libforceserver\.so\.1 .* => //p' | head -n 1)" = $of_local/libforceserver.so.1 ]
@@ -89,7 +94,7 @@ of_local=/usr/local/${of_system#/usr/}
 ./hello > /dev/null
 /usr/bin/forceserver devices --why | grep -q "^driver falcon: $of_system/"
 /usr/local/bin/forceserver devices --why | grep -q "^driver falcon: $of_local/"
-(cd other && find usr/local -depth -mindepth 1) | sed 's,^,/,' > of_other
+(cd other/usr && find . -depth -mindepth 1) | sed 's,^\.,/usr/local,' > of_other
 xargs rm -d < of_other 2> /dev/null || true  # folders that hold other things stay
 ldconfig
 [ "$(library_of ./hello)" = $of_system/libforceserver.so.1 ]
@@ -119,4 +124,4 @@ fi
 # Only the packages of others stay, such as the compiler.
 apt -y purge '~n^libforceserver' '~n^forceserver'
 echo "all removed, $SECONDS s"
-[ "$(find / -xdev -name '*forceserver*' -not -path '/gate/*' -not -path '/proc/*' -not -path '/var/cache/*' | tee left)" = "" ] || { cat left; fail "this is left"; }
+! files | grep forceserver || fail "this is left"
