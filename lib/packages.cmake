@@ -1,4 +1,4 @@
-# Packages for Debian, made by CPack: `cmake --preset packages` and `ninja -C build/packages package`. Each install() of the tree
+# Packages for Debian, made by CPack: `cmake --preset packages`, then `ninja -C build/packages package`. Each install() of the tree
 # names its component, and each component is a package.
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
