@@ -23,10 +23,10 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR})
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS ON)
 
 set(work ${PROJECT_BINARY_DIR}/packages)
-# Folders are for all to read, whatever the umask of who makes the packages.
-file(WRITE ${work}/folders.cmake "execute_process(COMMAND chmod -R u=rwX,go=rX . WORKING_DIRECTORY \${CPACK_TEMPORARY_DIRECTORY}
-  COMMAND_ERROR_IS_FATAL ANY)\n")
-set(CPACK_PRE_BUILD_SCRIPTS ${work}/folders.cmake)
+# Man pages are compressed; folders are for all to read, whatever the umask of who makes the packages.
+file(WRITE ${work}/finish.cmake "execute_process(WORKING_DIRECTORY \${CPACK_TEMPORARY_DIRECTORY} COMMAND_ERROR_IS_FATAL ANY
+  COMMAND sh -c \"find . -path '*/share/man/*' -type f -exec gzip -9n {} + && chmod -R u=rwX,go=rX .\")\n")
+set(CPACK_PRE_BUILD_SCRIPTS ${work}/finish.cmake)
 string(TIMESTAMP year "%Y" UTC)
 string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)  # of SOURCE_DATE_EPOCH, if the environment has it
 file(WRITE ${work}/changelog "forceserver (${PROJECT_VERSION}) stable; urgency=medium
