@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#ifndef FORCESERVER_RULES_FOLDER  // where our file of rules was installed
+#ifndef FORCESERVER_RULES_FOLDER  // as CMake sets it; this is for tools that read this file without it
 #define FORCESERVER_RULES_FOLDER "/usr/lib/udev/rules.d"
 #endif
 
