@@ -6,3 +6,11 @@
 #include <forceserver/driver.h>
 
 #include "core/waits.h"
+
+namespace forceserver_python {
+
+// Each of them stands in a generated file of its own.
+void add_functions(py::module_& module);
+void add_scene_functions(py::module_& module);
+
+}  // namespace forceserver_python

@@ -1,6 +1,6 @@
 """Writes the layer forceserver._core and its type stub from the description of the public headers.
 
-generate.py DESCRIPTION OUTPUT_FOLDER: writes core.cpp and _core.pyi there. CMake runs it whenever the description
+generate.py DESCRIPTION OUTPUT_FOLDER: writes module.cpp, functions.cpp, scene.cpp and _core.pyi there. CMake runs it whenever the description
 changes.
 The headers in core/ have what the generated code is made of. What no rule gives stands in tables, here and in generator/.
 """
@@ -11,7 +11,6 @@ import sys
 
 from generator.functions import Functions
 from generator.names import DOUBLES, camel, indented, raw
-from generator.structs import END_BEFORE_EXIT
 
 BASES = {
     "INVALID": "ValueError",
@@ -29,22 +28,16 @@ IN_PACKAGE = {"fs_scene_connect": "fs.connect", "fs_evaluate": "Tool.evaluate", 
 
 class Generator(Functions):
     def run(self):
+        """The generated files, by name. The C++ is cut into files that take about as long to compile."""
         self.stubs_of = {None: []} | {handle: [] for handle in self.handles}
-        self.add_traits()
-        traits, self.cpp = self.cpp, []
+        self.bodies = {None: []} | {handle: [] for handle in self.handles}
+        self.added = {None: []} | {handle: [] for handle in self.handles}
         self.add_enums()
+        self.add_handles()
         self.add_structs()
-        for handle, item in self.handles.items():
-            self.cpp.append(
-                f'auto class_{handle} = handle_class<{handle}>(module, "{camel(handle)}", {raw(self.in_python(item["comment"]))});'
-            )
         for function in self.functions:
             if not self.is_for_binding(function):
                 self.add_function(function)
-        self.cpp += [f'module.attr("{c["name"][3:]}") = {c["value"]};' for c in self.d["constants"]]
-        self.cpp.append("py::dict parts;")
-        self.cpp += [f'parts["{field}"] = {bit};' for field, bit in self.parts().items()]
-        self.cpp.append('module.attr("PARTS") = parts;')
         # What the package takes as it is: all but the handles, most of which it has classes of its own for.
         self.public = (
             ["Error", "NoFileError"]
@@ -54,11 +47,19 @@ class Generator(Functions):
             + [self.python_name(f) for f in self.functions if not self.self_of(f) and not self.is_for_binding(f)]
             + [c["name"][3:] for c in self.d["constants"]]
         )
-        names = ", ".join(f'"{name}"' for name in self.public)
-        self.cpp.append(
-            f'py::list all;\nfor (const char* name : {{{names}}}) all.append(name);\nmodule.attr("__all__") = all;'
-        )
-        return "\n".join(self.source(traits)) + "\n", "\n".join(self.stub_text()) + "\n"
+        scene = "fs_scene"
+        others = [handle for handle in self.bodies if handle != scene]
+        files = {
+            "module.cpp": self.module(),
+            "functions.cpp": self.source(
+                [body for handle in others for body in self.bodies[handle]],
+                "add_functions",
+                [line for handle in others for line in self.added[handle]],
+            ),
+            "scene.cpp": self.source(self.bodies[scene], "add_scene_functions", self.added[scene]),
+            "_core.pyi": self.stub_text(),
+        }
+        return {name: "\n".join(lines) + "\n" for name, lines in files.items()}
 
     def names_in_errors(self):
         """What the sentences of errors call a function."""
@@ -69,11 +70,11 @@ class Generator(Functions):
                 yield name, IN_PACKAGE.get(name, shown)
 
     def error_lines(self):
-        yield "static void add_names() {"
+        yield "void add_names() {"
         names = ", ".join(f'{{"{name}", "{shown}"}}' for name, shown in self.names_in_errors())
         yield f"  errors.names = {{{names}}};"
         yield "}"
-        yield "static void add_errors(py::module_& module) {"
+        yield "void add_errors(py::module_& module) {"
         yield '  errors.base = PyErr_NewExceptionWithDoc("forceserver.Error",'
         yield '      "A call of the library failed: the sentence says why, and status is its Status.", nullptr, nullptr);'
         yield '  module.attr("Error") = py::reinterpret_borrow<py::object>(errors.base);'
@@ -100,28 +101,57 @@ class Generator(Functions):
         yield '  module.attr("NoFileError") = py::reinterpret_borrow<py::object>(errors.no_file);'
         yield "}"
 
-    def source(self, traits):
+    @staticmethod
+    def function(name, lines):
+        """A function that adds something to the module."""
+        yield f"void {name}([[maybe_unused]] py::module_& module) {{"
+        yield from (indented(line, "  ") if 'R"doc(' not in line else line for line in lines)
+        yield "}"
+
+    def source(self, bodies, name, lines):
+        """A file with functions, and one that adds what is made of them to the module."""
         yield "// Generated from the description of the headers by generate.py."
         yield '#include "core.h"\n'
         yield "namespace forceserver_python {\n"
-        yield from traits
+        for body in bodies:
+            yield body + "\n"
+        yield from self.function(name, lines)
+        yield "\n}  // namespace forceserver_python"
+
+    def module(self):
+        yield "// Generated from the description of the headers by generate.py."
+        yield '#include "core.h"'
+        yield '#include "core/classes.h"\n'
+        yield "namespace forceserver_python {\nnamespace {\n"
+        yield from self.function("add_types", self.cpp)
         yield ""
         yield from self.error_lines()
-        yield "\nstatic void add_all(py::module_& module) {"
-        yield indented(self.cpp[0], "  ")
-        yield "  add_names();"
-        yield "  add_errors(module);"
-        yield from (indented(line, "  ") if 'R"doc(' not in line else line for line in self.cpp[1:])
-        ends = "".join(f" Handle<{handle}>::close_all();" for handle in sorted(END_BEFORE_EXIT))
-        yield f'  py::module_::import("atexit").attr("register")(py::cpp_function([] {{{ends} }}));'
+        yield "\nvoid add_constants(py::module_& module) {"
+        for c in self.d["constants"]:
+            yield f'  module.attr("{c["name"][3:]}") = {c["value"]};'
+        yield "  py::dict parts;"
+        for field, bit in self.parts().items():
+            yield f'  parts["{field}"] = {bit};'
+        yield '  module.attr("PARTS") = parts;'
+        yield "  py::list all;"
+        names = ", ".join(f'"{name}"' for name in self.public)
+        yield f"  for (const char* name : {{{names}}}) all.append(name);"
+        yield '  module.attr("__all__") = all;'
         yield "}"
-        yield "\n}  // namespace forceserver_python\n"
+        yield "\n}  // namespace\n}  // namespace forceserver_python\n"
         yield "PYBIND11_MODULE(_core, module) {"
+        yield "  using namespace forceserver_python;"
         yield '  module.doc() = "The C functions of forceserver, generated from its headers.";'
         yield "  pybind11::options options;"
         yield "  options.disable_function_signatures();"
-        yield "  pthread_atfork(nullptr, nullptr, [] { ++forceserver_python::forks; });"
-        yield "  forceserver_python::add_all(module);"
+        yield "  pthread_atfork(nullptr, nullptr, [] { ++forks; });"
+        yield "  add_types(module);"
+        yield "  add_names();"
+        yield "  add_errors(module);"
+        yield "  add_functions(module);"
+        yield "  add_scene_functions(module);"
+        yield "  add_constants(module);"
+        yield '  py::module_::import("atexit").attr("register")(py::cpp_function(Handle::close_all));'
         yield "}"
 
     def stub_text(self):
@@ -161,10 +191,9 @@ class Generator(Functions):
 
 def main():
     description = json.loads((pathlib.Path(sys.argv[1])).read_text())
-    source, stub = Generator(description).run()
     folder = pathlib.Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in (("core.cpp", source), ("_core.pyi", stub)):
+    for name, text in Generator(description).run().items():
         (folder / name).write_text(text)
 
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <memory>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -60,6 +61,21 @@ inline Errors errors;
 }
 [[noreturn]] inline void type_error(const std::string& text) { raise(PyExc_TypeError, text); }
 [[noreturn]] inline void value_error(const std::string& text) { raise(PyExc_ValueError, text); }
+
+// For a function that C calls: what was thrown becomes Python's exception, and the result null.
+template <class F>
+PyObject* for_c(F&& call) {
+  try {
+    return call().release().ptr();
+  } catch (py::error_already_set& error) {
+    error.restore();
+  } catch (abi::__forced_unwind&) {  // of a thread that ends
+    throw;
+  } catch (...) {
+    py::detail::try_translate_exceptions();
+  }
+  return nullptr;
+}
 
 // fs_last_error belongs to this thread, so it is still the sentence of the call that has just returned.
 inline void check(fs_status status, bool of_path = false) {

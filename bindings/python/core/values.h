@@ -62,28 +62,6 @@ struct Enum {
 template <class T>
 inline Enum enum_of;  // T: the C enum
 
-inline Enum make_enum(py::module_& module, const char* name, const char* doc, bool flags,
-                      const std::vector<std::tuple<const char*, long>>& values) {
-  py::list items;
-  for (const auto& [key, value] : values) items.append(py::make_tuple(key, value));
-  const py::module_ enums = py::module_::import("enum");
-  const py::object type = enums.attr(flags ? "IntFlag" : "IntEnum")(name, items, py::arg("module") = "forceserver._core");
-  // It prints as its name, not as its number; but {value:d} and its like are of the number.
-  type.attr("__str__") = enums.attr(flags ? "Flag" : "Enum").attr("__str__");
-  type.attr("__format__") = py::cpp_function(
-      [](const py::object& self, const std::string& form) -> py::object {
-        const bool is_of_number = !form.empty() && std::string("bcdoxXn").find(form.back()) != std::string::npos;
-        const py::object shown = is_of_number ? py::object(py::int_(PyLong_AsLong(self.ptr()))) : py::object(py::str(self));
-        return shown.attr("__format__")(form);
-      },
-      py::is_method(type));
-  type.attr("__doc__") = doc;
-  py::dict members;
-  for (const auto& [key, value] : values) members[py::int_(value)] = type.attr(key);
-  module.attr(name) = type;
-  return {py::object(type).release().ptr(), members.release().ptr(), flags};
-}
-
 template <class T>
 T number(py::handle value, const char* name) {
   if constexpr (std::is_same_v<T, bool>) {
@@ -114,33 +92,6 @@ T number(py::handle value, const char* name) {
     }
     return py::detail::cast_op<T>(caster);
   }
-}
-
-// A call with an argument that had another name before.
-inline py::object renamed_call(const py::object& callee, const py::args& args, const py::kwargs& given, const char* before,
-                               const char* now) {
-  py::kwargs renamed = given.attr("copy")();
-  renamed[now] = renamed.attr("pop")(before);
-  return callee(*args, **renamed);
-}
-
-// What is said of a call whose arguments do not fit. `names`: of those it has, the first `required` without a default.
-[[noreturn]] inline void wrong_call(const char* call, const std::vector<std::string>& names, size_t required, py::args args,
-                                    const py::kwargs& given, bool has_self) {
-  const std::string name = std::string(call) + "()";
-  const size_t count = args.size() - (has_self && !args.empty() ? 1 : 0);
-  if (count > names.size()) {
-    type_error(name + " takes " + std::to_string(names.size()) + " arguments, not " + std::to_string(count));
-  }
-  for (const auto& [key, value] : given) {
-    const auto found = std::find(names.begin(), names.end(), text_of(key));
-    if (found == names.end()) type_error(name + " has no argument '" + text_of(key) + "'");
-    if (static_cast<size_t>(found - names.begin()) < count) type_error(name + " was given '" + text_of(key) + "' twice");
-  }
-  for (size_t i = count; i < required; ++i) {
-    if (!given.contains(names[i].c_str())) type_error(name + " needs '" + names[i] + "'");
-  }
-  type_error(name + " cannot be called so");
 }
 
 // A string for the library: str, bytes, or for a path anything with __fspath__; null for None where that is allowed.

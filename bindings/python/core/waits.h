@@ -21,7 +21,7 @@ inline std::string with_timeout(std::string text, double whole) {
 // A wait in slices: `call` waits for so long and gives its status; `done` says whether there is nothing to wait for any
 // more. Each slice is a call of its own, so another thread or a signal's handler can close the handle.
 template <class T, class Call, class Done>
-void wait_in_slices(Handle<T>& handle, double timeout, Call&& call, Done&& done) {
+void wait_in_slices(Handle& handle, double timeout, Call&& call, Done&& done) {
   using clock = std::chrono::steady_clock;
   const auto start = clock::now();
   for (double rest = timeout;;) {
@@ -64,7 +64,7 @@ py::object make_in_thread(std::function<fs_status(T**)> call, bool of_path = fal
     work->done = true;
     if (work->given_up) {
       lock.unlock();
-      if (status >= 0) Kind<T>::give_back(made);
+      if (status >= 0) give_back(made);
       return;
     }
     work->made = made;
@@ -83,7 +83,7 @@ py::object make_in_thread(std::function<fs_status(T**)> call, bool of_path = fal
       work->given_up = true;
       T* made = work->done && work->status >= 0 ? work->made : nullptr;
       lock.unlock();
-      if (made) Kind<T>::give_back(made);
+      if (made) give_back(made);
       throw;
     }
   }
@@ -92,7 +92,7 @@ py::object make_in_thread(std::function<fs_status(T**)> call, bool of_path = fal
 }
 
 // Builds the search tree in such a thread, which has a reference of its own: so the shape can be closed meanwhile.
-inline py::object build(Handle<fs_shape>& shape) {
+inline py::object build(Handle& shape) {
   std::shared_ptr<fs_shape> kept;
   {
     const Use<fs_shape> use(shape);
@@ -103,7 +103,7 @@ inline py::object build(Handle<fs_shape>& shape) {
 
 // Steps a servo a few ticks at a time, so that Ctrl-C is heard and the servo can be closed, also by a signal's handler in
 // this thread. What the last tick says counts.
-inline void step(Handle<fs_servo>& servo, uint64_t ticks) {
+inline void step(Handle& servo, uint64_t ticks) {
   using clock = std::chrono::steady_clock;
   do {
     {

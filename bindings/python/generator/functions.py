@@ -194,7 +194,7 @@ class Functions(Structs):
                 type_, default, lines, late, expression = self.convert(p, function)
                 if kind == "struct" and keeps_gil and not p["null"] and not many:
                     lines, expression = (
-                        [f'const {base}* const {p["name"]}_ = as_struct<{base}>({p["name"]}, "{p["name"]}").at;'],
+                        [f'const {base}* const {p["name"]}_ = as_struct<{base}>({p["name"]}, "{p["name"]}");'],
                         f"{p['name']}_",
                     )
                 arguments.append((p["name"], type_, default))
@@ -247,7 +247,7 @@ class Functions(Structs):
             return (
                 before
                 + [
-                    f"wait_in_slices(self, timeout_, [&]({self_}* handle, double part) {{ return {called}; }},",
+                    f"wait_in_slices<{self_}>(self, timeout_, [&]({self_}* handle, double part) {{ return {called}; }},",
                     f"               [&]([[maybe_unused]] fs_status status) {{ return {done}; }});",
                 ]
                 + self.returned(outputs)
@@ -288,16 +288,16 @@ class Functions(Structs):
         name, result = one["name"], out["name"]
         return [
             *before,
-            f"if (Struct<{a}>* single = if_struct<{a}>({name})) {{",
-            f"  py::object made = {result}.is_none() ? new_struct({b}{{}}) : {result};",
-            f'  Struct<{b}>& response = as_struct<{b}>(made, "{result}");',
+            f"if (const {a}* single = if_struct<{a}>({name})) {{",
+            f"  py::object made = {result}.is_none() ? new_struct({b}{{}}) : py::reinterpret_borrow<py::object>({result});",
+            f'  {b}* response = as_struct<{b}>(made, "{result}");',
             *("  " + use for use in uses),
-            f"  check({called.format(one='single->at', out='response.at')});",
+            f"  check({called.format(one='single', out='response')});",
             "  return made;",
             "}",
-            f'const py::array many = structs<{a}>({name}, "{name}");',
+            f'const py::array many = structs({name}, class_of<{a}>, "{name}");',
             "const size_t count = static_cast<size_t>(many.size());",
-            f'py::array made = struct_results<{b}>({result}, count, "{result}");',
+            f'py::array made = struct_results({result}, class_of<{b}>, count, "{result}");',
             f'keep_apart(many, "{name}", made, "{result}");',
             f"const auto* const from = static_cast<const {a}*>(many.data());",
             f"auto* const to = static_cast<{b}*>(made.mutable_data());",
@@ -313,11 +313,11 @@ class Functions(Structs):
         ]
 
     def emit(self, function, self_, arguments, body, types):
-        python = self.python_name(function)
+        name, python = function["name"], self.python_name(function)
         comment = self.in_python(function["comment"])
         before = [p["name"] for p in function["parameters"] if p["kind"] == "out array"]
-        for name in before:
-            comment = re.sub(rf"\b{name}\b", OUT, comment)
+        for was in before:
+            comment = re.sub(rf"\b{was}\b", OUT, comment)
         many = self.many_of(function)
         if many:
             arguments.append(("out", "object", "None"))
@@ -330,29 +330,18 @@ class Functions(Structs):
         doc = (
             f"{python}({listed})\n--\n\n" + f"{comment}\n\n{left}In C: {function['name']}.".strip()
         )  # read by inspect.signature
-        parameters = (["const py::object& object_of_self"] if self_ else []) + [
-            f"const py::object& {a}" for a, _, _ in arguments
-        ]
-        extras = [f', py::arg("{a}")' + (" = py::none()" if default else "") for a, _, default in arguments]
+        given = [f"[[maybe_unused]] const py::handle {a} = given[{i}];" for i, (a, _, _) in enumerate(arguments, bool(self_))]
         if self_:
-            body = [f'Handle<{self_}>& self = as_handle<{self_}>(object_of_self, "self");', *body]
-        target = f"class_{self_}" if self_ else "module"
-        self.cpp.append(
-            f'{target}.def("{python}", []({", ".join(parameters)}) -> py::object {{\n'
-            + indented("\n".join(body), "  ")
-            + f"\n}}{''.join(extras)}, {raw(doc)});"
+            given.append(f'Handle& self = as_handle<{self_}>(given[0], "self");')
+        unused = "" if given else "[[maybe_unused]] "
+        self.bodies[self_].append(
+            f"static py::object {name[3:]}({unused}const py::handle* given) {{\n"
+            + indented("\n".join(given + body), "  ")
+            + "\n}"
         )
-        names = ", ".join(f'"{a}"' for a, _, _ in arguments)
-        callee = "py::type::of(args[0])" if self_ else 'py::module_::import("forceserver._core")'
-        again = "".join(
-            f'  if (given.contains("{name}") && !given.contains("{OUT}")) {{\n'
-            f'    return renamed_call({callee}.attr("{python}"), args, given, "{name}", "{OUT}");\n  }}\n'
-            for name in before
-        )
-        self.cpp.append(
-            f'{target}.def("{python}", [](const py::args& args, const py::kwargs& given) -> py::object {{\n'
-            f'{again}  wrong_call("{python}", {{{names}}}, {required + 1}, args, given, {str(bool(self_)).lower()});\n}});'
-        )
+        target = f"python_class<{self_}>()" if self_ else "module"
+        renamed = f', "{before[0]}"' if before else ""
+        self.added[self_].append(f"Function::add({target}, {raw(doc)}, {name[3:]}{renamed});")
         returned = "None" if not types else types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
         listed = ", ".join(
             (["self"] if self_ else []) + [f"{a}: {t}" + (" = None" if default else "") for a, t, default in arguments]

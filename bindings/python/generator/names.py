@@ -109,13 +109,13 @@ class Names:
         return function["result"]["kind"] == "nothing" or name.endswith("_retain")
 
     def handle_fields(self, struct):
-        """The paths of all pointers to handles in a struct."""
+        """The path and the handle of all pointers to handles in a struct."""
         for field in self.structs[struct]["fields"]:
             if field["type"] in self.structs and field["type"] not in DOUBLES:
-                for path in self.handle_fields(field["type"]):
-                    yield field["name"] + "." + path
+                for path, handle in self.handle_fields(field["type"]):
+                    yield field["name"] + "." + path, handle
             elif field["type"].endswith("*") and bare(field["type"]) in self.handles:
-                yield field["name"]
+                yield field["name"], bare(field["type"])
 
     def bits(self, item):
         """The enum of a field or parameter that holds bits; None: it holds none."""

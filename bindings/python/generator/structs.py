@@ -3,6 +3,7 @@
 from .names import DOUBLES, PYTHON, Names, bare, camel, raw
 
 END_BEFORE_EXIT = {"fs_servo"}  # stopped before the interpreter ends, so that the force is 0
+DESCRIBED = {"fs_shape": "described_shape", "fs_curve": "described_curve"}  # core/handle.h
 NUMPY = {"double": "<f8", "uint8_t": "|u1", "int32_t": "<i4", "uint32_t": "<u4", "uint64_t": "<u8", "bool": "|b1"}
 
 
@@ -25,32 +26,31 @@ class Structs(Names):
         )
         return form + (f", ({count},)" if count > 1 else "")
 
-    def add_traits(self):
-        """What core.h wants to know of each handle and struct."""
-        for handle in self.handles:
-            retain = self.retained_by(handle)
+    def add_handles(self):
+        self.cpp.append("const py::object handle_base = make_handle_base(module);")
+        for name, handle in self.handles.items():
+            kind = [
+                f'"{camel(name)}"',
+                str(name in END_BEFORE_EXIT).lower(),
+                f"[](void* handle) {{ {self.given_back_by(name)}(static_cast<{name}*>(handle)); }}",
+            ]
+            if retain := self.retained_by(name):
+                kind.append(f"[](void* handle) -> void* {{ return {retain}(static_cast<{name}*>(handle)); }}")
+            else:
+                kind.append("nullptr")
+            kind.append(DESCRIBED.get(name, "nullptr"))
             self.cpp.append(
-                f"template <>\nstruct Kind<{handle}> {{\n"
-                f'  static constexpr const char* name = "{camel(handle)}";\n'
-                f"  static constexpr bool ends_at_exit = {str(handle in END_BEFORE_EXIT).lower()};\n"
-                f"  static void give_back({handle}* handle) {{ {self.given_back_by(handle)}(handle); }}\n"
-                + (f"  static {handle}* retain({handle}* handle) {{ return {retain}(handle); }}\n" if retain else "")
-                + "};"
+                f"kind_of<{name}> = {{{', '.join(kind)}}};\n"
+                f"add_handle(module, handle_base, kind_of<{name}>, {raw(self.in_python(handle['comment']))});"
             )
-        for name, struct in self.structs.items():
-            if paths := list(self.handle_fields(name)):
-                self.cpp.append(
-                    f"template <>\nstruct HandlesOf<{name}> {{\n  template <class F>\n"
-                    f"  static void each({name}& value, F&& call) {{\n"
-                    + "".join(f"    call(value.{path});\n" for path in paths)
-                    + "  }\n};"
-                )
-            init = self.by_name.get(name + "_init")
-            value = f"{name} value{{}};" + (" value.struct_size = sizeof value;" if struct["growing"] else "")
-            if init:
-                zeros = ["nullptr" if p["kind"] == "string" else f"{p['type']}{{}}" for p in init["parameters"]]
-                value = f"{name} value = {name}_init({', '.join(zeros)});"
-            self.cpp.append(f"template <>\n{name} default_of<{name}>() {{\n  {value}\n  return value;\n}}")
+
+    def defaults_of(self, name, struct):
+        """C++ that fills a struct at `at` with its defaults."""
+        if init := self.by_name.get(name + "_init"):
+            zeros = ["nullptr" if p["kind"] == "string" else f"{p['type']}{{}}" for p in init["parameters"]]
+            return f"*static_cast<{name}*>(at) = {name}_init({', '.join(zeros)});"
+        sized = f" static_cast<{name}*>(at)->struct_size = sizeof({name});" if struct["growing"] else ""
+        return f"*static_cast<{name}*>(at) = {{}};{sized}"
 
     def add_enums(self):
         for item in self.d["enums"]:
@@ -60,7 +60,7 @@ class Structs(Names):
                 + "\n\n"
                 + "\n".join(f"{name}: {' '.join(comment.split())}" for name, _, comment in item["members"])
             )
-            variable = f"enum_of<{item['name']}>" if item["name"] else f"static Enum {item['python']}"
+            variable = f"enum_of<{item['name']}>" if item["name"] else f"[[maybe_unused]] static Enum {item['python']}"
             self.cpp.append(
                 f'{variable} = make_enum(module, "{item["python"]}", {raw(doc.strip())}, '
                 f"{str('bits' in item).lower()}, {{{values}}});"
@@ -72,18 +72,13 @@ class Structs(Names):
             )
 
     def add_structs(self):
+        self.cpp.append("const py::object struct_base_class = make_struct_base(module);")
         self.cpp.append('py::dict dtypes = py::dict(py::module_::import("numpy").attr("__dict__"));')
         for name, struct in self.structs.items():
             if name in DOUBLES:
                 continue
             python = camel(name)
-            fields = ", ".join(f"('{f['name']}', {self.numpy_field(f)})" for f in struct["fields"])
-            self.cpp.append(
-                f'{{\n  dtypes["{python}"] = py::eval("dtype([{fields}])", dtypes);\n'
-                f'  Class<{name}> made(module, "{python}", {raw(self.in_python(struct["comment"]))}, '
-                f'"__init__(self, *, {", ".join(f["name"] + "=..." for f in self.shown_fields(struct))})\\n--\\n\\n", '
-                f'dtypes["{python}"]);'
-            )
+            fields_in_cpp = []
             stub = [f"class {python}:", "    dtype: ClassVar[np.dtype[np.void]]"]
             keywords = []
             for f in self.shown_fields(struct):
@@ -92,11 +87,13 @@ class Structs(Names):
                     comment += "; " if comment else ""
                     comment += "(w, x, y, z), or scipy's Rotation; the order of its as_quat() is x, y, z, w"
                 bits = self.bits(f)
+                field = (
+                    f'{{"{f["name"]}", "{"" if bits else unit}", {raw(comment)}, offsetof({name}, {f["name"]}), '
+                    f"field_type<decltype({name}::{f['name']})>"
+                )
                 if bits:
-                    variable = f"&enum_of<{bits['name']}>" if bits["name"] else f"&{bits['python']}"
-                    self.cpp.append(f'  made.flags("{f["name"]}", &{name}::{f["name"]}, {variable}, {raw(comment)});')
-                else:
-                    self.cpp.append(f'  made.field("{f["name"]}", &{name}::{f["name"]}, "{unit}", {raw(comment)});')
+                    field += ", &" + (f"enum_of<{bits['name']}>" if bits["name"] else bits["python"])
+                fields_in_cpp.append(field + "},")
                 get, set_ = self.field_types(f, bits)
                 stub += [
                     "    @property",
@@ -105,7 +102,24 @@ class Structs(Names):
                     f"    def {f['name']}(self, value: {set_}) -> None: ...",
                 ]
                 keywords.append(f"{f['name']}: {set_}")
-            self.cpp.append("}")
+            handles = [
+                f"{{offsetof({name}, {path}), kind_of<{handle}>}}" for path, handle in self.handle_fields(name)
+            ]
+            dtype = ", ".join(f"('{f['name']}', {self.numpy_field(f)})" for f in struct["fields"])
+            keyword = ", ".join(f["name"] + "=..." for f in self.shown_fields(struct))
+            self.cpp += [
+                "{",
+                "  static Field fields[] = {",
+                *("    " + field for field in fields_in_cpp),
+                "  };",
+                *([f"  static const HandleField handles[] = {{{', '.join(handles)}}};"] if handles else []),
+                f'  class_of<{name}> = {{"{python}", sizeof({name}), [](void* at) {{ {self.defaults_of(name, struct)} }}, '
+                f"{'handles' if handles else '{}'}, fields}};",
+                f'  add_struct(module, struct_base_class, class_of<{name}>, dtypes, "dtype([{dtype}])",',
+                f"    {raw(self.in_python(struct['comment']))},",
+                f'    "__init__(self, *, {keyword})\\n--\\n\\n");',
+                "}",
+            ]
             self.stub.append(
                 f"class {python}Fields(TypedDict, total=False):\n" + "".join(f"    {k}\n" for k in keywords)
             )
