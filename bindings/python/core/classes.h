@@ -59,19 +59,19 @@ inline Handle& self_handle(py::handle self) {
   type_error("self must be a " + text_of(py::type::of(self).attr("__name__")));
 }
 
+inline py::object init_handle(const py::handle* given) {
+  for (const Kind* kind : kinds) {
+    if (!PyType_IsSubtype(Py_TYPE(given[0].ptr()), kind->type) || made_of<Handle>(given[0], handle_base)) continue;
+    fill(given[0], std::make_unique<Handle>(as_handle(given[1], *kind, "other").take(), *kind));
+  }
+  return py::none();
+}
+
 inline py::object make_handle_base(py::module_& module) {
   py::class_<Handle> made(module, "_Handle", py::module_local());
   handle_base = reinterpret_cast<PyTypeObject*>(made.ptr());
   info_of<Handle> = py::detail::get_type_info(handle_base);
-  Function::add(
-      made, "__init__(self, other)\n--\n\nTakes over what another one has, which is then closed.",
-      [](const py::handle* given) -> py::object {
-        for (const Kind* kind : kinds) {
-          if (!PyType_IsSubtype(Py_TYPE(given[0].ptr()), kind->type) || made_of<Handle>(given[0], handle_base)) continue;
-          fill(given[0], std::make_unique<Handle>(as_handle(given[1], *kind, "other").take(), *kind));
-        }
-        return py::none();
-      });
+  Function::add<init_handle>(made, "__init__(self, other)\n--\n\nTakes over what another one has, which is then closed.");
   // What object itself would do for protocols 0 and 1 ends the process: it makes an instance of pybind11's base class.
   const auto refuse = [](const py::object& self, const py::args&) -> py::object {
     type_error("cannot copy or pickle a " + text_of(py::type::of(self).attr("__name__")) + ": it is a handle of this process");

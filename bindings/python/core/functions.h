@@ -14,7 +14,8 @@ class Function {
  public:
   // doc: "name($self, a, b=None)\n--\n\n.." for a method with an argument that must be given and one that need not.
   // before: the name that the last argument had before, which is still taken.
-  Function(const char* doc, Body body, const char* before) : body_(body), before_(before ? before : "") {
+  Function(const char* doc, Body body, _PyCFunctionFastWithKeywords call, const char* before)
+      : body_(body), before_(before ? before : "") {
     const char* const bracket = std::strchr(doc, '(');
     const char* const end = std::strstr(bracket, ")\n--");
     name_.assign(doc, bracket);
@@ -36,13 +37,15 @@ class Function {
   }
 
   // Puts it into a class or the module, for good.
-  static void add(py::handle scope, const char* doc, Body body, const char* before = nullptr) {
-    auto* const function = new Function(doc, body, before);
-    const py::capsule self(function);
-    put(scope, function->definition_, self);
+  template <Body body>
+  static void add(py::handle scope, const char* doc, const char* before = nullptr) {
+    auto* const function = new Function(doc, body, call<body>, before);
+    of_body<body> = function;
+    put(scope, function->definition_, PyType_Check(scope.ptr()) ? scope : nullptr);
   }
 
-  static void put(py::handle scope, PyMethodDef& definition, const py::capsule& self) {
+  // self: what the function in C is given. Pickle finds a function by it: in that class, or for null in the module.
+  static void put(py::handle scope, PyMethodDef& definition, py::handle self) {
     const py::str module("forceserver._core");
     auto made = py::reinterpret_steal<py::object>(PyCFunction_NewEx(&definition, self.ptr(), module.ptr()));
     if (made && PyType_Check(scope.ptr())) made = py::reinterpret_steal<py::object>(PyInstanceMethod_New(made.ptr()));
@@ -53,12 +56,20 @@ class Function {
  private:
   static constexpr size_t most = 15;
 
-  static PyObject* call(PyObject* capsule, PyObject* const* args, Py_ssize_t count, PyObject* keywords) {
+  template <Body>
+  static inline const Function* of_body = nullptr;
+
+  // C gives no data to a function; so there is one for each body.
+  template <Body body>
+  static PyObject* call(PyObject*, PyObject* const* args, Py_ssize_t count, PyObject* keywords) {
+    return of_body<body>->run(args, count, keywords);
+  }
+
+  PyObject* run(PyObject* const* args, Py_ssize_t count, PyObject* keywords) const {
     return for_c([&] {
-      const auto& function = *static_cast<const Function*>(PyCapsule_GetPointer(capsule, nullptr));
       py::handle given[most + 1];
-      function.sort(args, static_cast<size_t>(count), keywords, given);
-      return function.body_(given);
+      sort(args, static_cast<size_t>(count), keywords, given);
+      return body_(given);
     });
   }
 

@@ -341,7 +341,7 @@ class Functions(Structs):
         )
         target = f"python_class<{self_}>()" if self_ else "module"
         renamed = f', "{before[0]}"' if before else ""
-        self.added[self_].append(f"Function::add({target}, {raw(doc)}, {name[3:]}{renamed});")
+        self.added[self_].append(f"Function::add<{name[3:]}>({target}, {raw(doc)}{renamed});")
         returned = "None" if not types else types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
         listed = ", ".join(
             (["self"] if self_ else []) + [f"{a}: {t}" + (" = None" if default else "") for a, t, default in arguments]
