@@ -95,19 +95,25 @@ struct Struct {
   bool constant = false;
 
   static Struct make(const StructClass& of, const void* from) {
-    void* const at = ::operator new(of.size);
-    std::memcpy(at, from, of.size);
-    of.retain(at);
-    std::shared_ptr<void> box(at, [&of](void* value) {
+    Struct made = with_room(of);
+    std::memcpy(made.at, from, of.size);
+    of.retain(made.at);
+    return made;
+  }
+  static Struct with_defaults(const StructClass& of) {
+    Struct made = with_room(of);
+    of.set_defaults(made.at);
+    return made;
+  }
+
+ private:
+  static Struct with_room(const StructClass& of) {
+    std::shared_ptr<void> box(std::memset(::operator new(of.size), 0, of.size), [&of](void* value) {
       of.give_back(value);
       ::operator delete(value);
     });
+    void* const at = box.get();
     return {of, std::move(box), at, false};
-  }
-  static Struct with_defaults(const StructClass& of) {
-    std::vector<std::max_align_t> value(of.size / sizeof(std::max_align_t) + 1);
-    of.set_defaults(value.data());
-    return make(of, value.data());
   }
 };
 
