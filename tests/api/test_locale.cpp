@@ -47,7 +47,8 @@ START_TEST(files_are_the_same) {
   OK(fs_scene_save(scene.get(), (folder / "point.json").c_str()));
   const Comma comma;
   OK(fs_scene_save(scene.get(), (folder / "comma.json").c_str()));
-  ck_assert_str_eq(text_of(folder / "comma.json").c_str(), text_of(folder / "point.json").c_str());
+  const std::string expected = text_of(folder / "point.json"), saved = text_of(folder / "comma.json");
+  ck_assert_str_eq(saved.c_str(), expected.c_str());
   const Scene loaded = make_scene();
   OK(fs_scene_load(loaded.get(), (folder / "point.json").c_str()));
   fs_object found = fs_object_init(nullptr, FS_PRIMITIVE_POINT);

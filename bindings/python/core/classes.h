@@ -130,8 +130,9 @@ inline std::string field_names(const StructClass& of) {
   return text;
 }
 
-inline void init_struct(py::handle self, const StructClass& of, py::handle more, py::handle given) {
-  if (py::len(more) > 0) type_error(std::string(of.name) + " takes its fields by name: " + field_names(of));
+// args: self, and what else was given without a name.
+inline void init_struct(py::handle self, const StructClass& of, const py::tuple& args, py::handle given) {
+  if (args.size() > 1) type_error(std::string(of.name) + " takes its fields by name: " + field_names(of));
   Struct made = Struct::with_defaults(of);
   for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(given)) {
     const std::string name = text_of(key);
@@ -253,11 +254,12 @@ inline PyObject* call_init(PyObject* capsule, PyObject* args, PyObject* given) {
   return for_c([&]() -> py::object {
     const auto& of = *static_cast<const StructClass*>(PyCapsule_GetPointer(capsule, nullptr));
     const py::tuple all = py::reinterpret_borrow<py::tuple>(args);
-    if (all.empty() || !PyType_IsSubtype(Py_TYPE(py::object(all[0]).ptr()), of.type)) {
+    const py::handle self(all.empty() ? Py_None : PyTuple_GET_ITEM(args, 0));
+    if (!PyType_IsSubtype(Py_TYPE(self.ptr()), of.type)) {
       type_error(std::string("self must be a ") + of.name);
     }
     const py::dict named = given ? py::reinterpret_borrow<py::dict>(given) : py::dict();
-    init_struct(all[0], of, all[py::slice(1, static_cast<py::ssize_t>(all.size()), 1)], named);
+    init_struct(self, of, all, named);
     return py::none();
   });
 }
