@@ -75,9 +75,10 @@ END_TEST
 START_TEST(uris_have_points) {
   const Comma comma;
   fs_device* device = nullptr;
-  OK(fs_device_open("sim:?hold=0.03,0,0", &device));
-  fs_state state;
-  OK(fs_device_read(device, &state));
+  OK(fs_device_open("sim:?mass=0.375&delay_ms=2.5", &device));
+  fs_device_info info = fs_device_info_init();
+  OK(fs_device_get_info(device, &info));
+  ck_assert(info.mass == 0.375 && info.delay == 0.0025);
   fs_device_close(device);
 }
 END_TEST
