@@ -151,8 +151,8 @@ inline py::object copied(const py::object& self, const py::object& memo) {
   const Struct& from = self_struct(self);
   const py::object its_class = py::type::of(self);
   if (its_class.ptr() == reinterpret_cast<PyObject*>(from.of.type)) return new_struct(Struct::make(from.of, from.at));
-  const py::object made = new_object(reinterpret_cast<PyTypeObject*>(its_class.ptr()),
-                                     std::make_unique<Struct>(Struct::make(from.of, from.at)));
+  const py::object made =
+      new_object(reinterpret_cast<PyTypeObject*>(its_class.ptr()), std::make_unique<Struct>(Struct::make(from.of, from.at)));
   const py::object deep = py::module_::import("copy").attr("deepcopy");
   for (const auto& [key, value] : attributes_of(self)) {
     py::setattr(made, key, memo.is_none() ? py::reinterpret_borrow<py::object>(value) : deep(value, memo));
@@ -271,7 +271,8 @@ inline void add_struct(py::module_& module, const py::object& base, StructClass&
   of.type = subclass(module, base, of.name, doc);
   const py::handle made(reinterpret_cast<PyObject*>(of.type));
   py::object type_of_arrays = py::eval(dtype, dtypes);
-  if (type_of_arrays.attr("itemsize").cast<size_t>() != of.size) value_error(std::string(of.name) + ": its dtype has another size");
+  if (type_of_arrays.attr("itemsize").cast<size_t>() != of.size)
+    value_error(std::string(of.name) + ": its dtype has another size");
   dtypes[of.name] = type_of_arrays;
   made.attr("dtype") = type_of_arrays;
   of.dtype = type_of_arrays.release().ptr();

@@ -77,7 +77,8 @@ class Function {
   void sort(PyObject* const* args, size_t count, PyObject* keywords, py::handle* given) const {
     const size_t wanted = has_self_ + arguments_.size();
     if (count > wanted) {
-      type_error(name_ + "() takes " + std::to_string(arguments_.size()) + " arguments, not " + std::to_string(count - has_self_));
+      type_error(name_ + "() takes " + std::to_string(arguments_.size()) + " arguments, not " +
+                 std::to_string(count - has_self_));
     }
     std::copy(args, args + count, given);
     const size_t named = keywords ? static_cast<size_t>(PyTuple_GET_SIZE(keywords)) : 0;

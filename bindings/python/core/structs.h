@@ -139,9 +139,7 @@ T* as_struct(py::handle object, const char* name) {
   return static_cast<T*>(as_struct(object, class_of<T>, name).at);
 }
 
-inline py::object new_struct(Struct value) {
-  return new_object(value.of.type, std::make_unique<Struct>(std::move(value)));
-}
+inline py::object new_struct(Struct value) { return new_object(value.of.type, std::make_unique<Struct>(std::move(value))); }
 // What a call has filled. Its handles are retained; `filled` is then released by the caller.
 template <class T>
 py::object new_struct(const T& filled) {
@@ -298,7 +296,8 @@ class Input {
 template <class T>
 class Changed {
  public:
-  Changed(py::handle object, const char* name) : target_(as_struct(object, class_of<T>, name)), copy_(*static_cast<T*>(target_.at)) {
+  Changed(py::handle object, const char* name)
+      : target_(as_struct(object, class_of<T>, name)), copy_(*static_cast<T*>(target_.at)) {
     if (target_.constant) refuse_constant(target_.of.name);
   }
   T* get() { return &copy_.value; }
