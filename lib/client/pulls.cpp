@@ -71,7 +71,7 @@ void Pulls::catch_up(Call& call, const char* name) {
   for (;;) {
     look();
     if (groups_.mine()) return;
-    const bool is_known = news_seen_ >= wanted && !pulled_;
+    const bool is_known = is_current() || (news_seen_ >= wanted && !pulled_);
     if (!is_known) {
       line_.pause(call, !asked_);
       continue;

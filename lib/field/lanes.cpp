@@ -266,8 +266,9 @@ void Outline::take(const Chunk& chunk) noexcept {
   constexpr uint32_t groups = chunk_size / Motions::size;
   constexpr float infinity = std::numeric_limits<float>::infinity();
   for (const Ref<Motions>& group : chunk.motions) {  // mostly not in the cache
-    __builtin_prefetch(group.get());
-    __builtin_prefetch(reinterpret_cast<const char*>(group.get()) + 64);
+    const auto address = reinterpret_cast<uintptr_t>(group.get());  // a number: it may be null
+    __builtin_prefetch(reinterpret_cast<const void*>(address));
+    __builtin_prefetch(reinterpret_cast<const void*>(address + 64));
   }
   bool has_origin = false;
   for (uint32_t g = 0; g < groups; ++g) {

@@ -279,8 +279,9 @@ class Server {
 
 // ------------------------------------------------------------------------------------------------------------ the client
 
-void look_at(fs_status status) {
-  require(status == FS_OK || std::strlen(fs_last_error()) > 3, "a refusal without a sentence", fs_status_name(status));
+void look_at(fs_status status) {  // a server may refuse with any of them, and without a sentence
+  require(status <= FS_OK && status >= FS_ERROR_INTERNAL, "a status:", fs_status_name(status));
+  require(std::strlen(fs_last_error()) < 1000, "a long sentence:", fs_last_error());
 }
 
 void call(Input& input, fs_scene* scene) {
@@ -363,7 +364,7 @@ void call(Input& input, fs_scene* scene) {
       fs_wrench sent;
       return look_at(fs_scene_get_hand(scene, &state, &response, &sent));
     }
-    case 19: return look_at(fs_scene_sync(scene, 0.2));
+    case 19: return look_at(fs_scene_sync(scene, 0.02));
     case 20: return look_at(input.coin() ? fs_scene_begin(scene) : fs_scene_commit(scene));
     default: return look_at(fs_scene_clear(scene));
   }

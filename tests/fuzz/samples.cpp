@@ -340,7 +340,7 @@ class Site {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  static Rig& rig = *new Rig;
+  static Rig rig;
   Input input(data, size);
   Site site(rig);
   {

@@ -475,6 +475,11 @@ struct Rig {
                          fs_servo_start(scene, device, &options, &servo) == FS_OK;
     require(is_done, "no servo:", fs_last_error());
   }
+  ~Rig() {
+    fs_servo_stop(servo);
+    fs_device_close(device);
+    fs_scene_destroy(scene);
+  }
   void begin() const {
     fs_object own = fs_object_init("own", FS_PRIMITIVE_POINT);
     own.front = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, 1, 0, 1);
@@ -488,7 +493,6 @@ struct Rig {
     fs_wrench sent{};
     require(fs_scene_get_hand(scene, nullptr, &response, &sent) == FS_OK, "the hand:", fs_last_error());
     const double force = std::hypot(response.wrench.force.x, response.wrench.force.y, response.wrench.force.z);
-    // Two clients, those that are gone and still felt, and the server's own object, which clients may have changed.
     require(std::isfinite(force), "a force that is not finite");
     require(std::hypot(sent.force.x, sent.force.y, sent.force.z) <= 25 * (1 + 1e-9), "a force beyond the limit of the device");
   }
@@ -497,7 +501,7 @@ struct Rig {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  static const Rig& rig = *new Rig;
+  static const Rig rig;
   Input input(data, size);
   rig.begin();
   {
