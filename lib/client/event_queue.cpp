@@ -5,6 +5,8 @@
 #include <thread>
 #include <utility>
 
+#include "base/enum.h"
+
 namespace fs {
 
 // Called with the lock. False: there is no event.
@@ -17,7 +19,7 @@ bool EventQueue::take(fs_event& out) {
     }
   }
   if (reader_.read(*line_.connection.outbox(), out)) {
-    if (out.kind == FS_EVENT_OVERFLOW) out.time = replica_.scene->now();
+    if (raw_value(out.kind) == FS_EVENT_OVERFLOW) out.time = replica_.scene->now();
     return true;
   }
   if (!loss) return false;

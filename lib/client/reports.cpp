@@ -1,5 +1,6 @@
 #include "client/reports.h"
 
+#include "base/enum.h"
 #include "base/error.h"
 #include "base/text.h"
 #include "scene/moment.h"
@@ -15,12 +16,13 @@ fs_report Reports::in_group(const fs_report& ours, const fs_report* theirs) cons
   out.stiffness_applied = ours.stiffness_applied;
   fs_object object;
   replica_.scene->get(ours.name, object);
-  if (out.state == FS_OBJECT_REFUSED) return out;
+  const int32_t state = raw_value(out.state);
+  if (state == FS_OBJECT_REFUSED) return out;
   if (out.weight > 0) {
     out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
   } else if (!object.enabled) {
     out.state = FS_OBJECT_DISABLED;
-  } else if (out.state != FS_OBJECT_PENDING) {
+  } else if (state != FS_OBJECT_PENDING) {
     out.state = FS_OBJECT_FADING;
   }
   return out;

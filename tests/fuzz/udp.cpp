@@ -1,10 +1,11 @@
-// Datagrams between a host and a FIDEL's controller: taken apart, and rendered as a controller does; and a host that hears them from the
-// controller that it has greeted.
+// Datagrams between a host and a FIDEL's controller: taken apart, and rendered as a controller does; a host that hears them from the
+// controller that it has greeted; and a controller that hears them from anybody.
 #include <memory>
 #include <thread>
 
 #include <sys/socket.h>
 
+#include "device/fidel/controller/controller.h"
 #include "device/fidel/controller/renderer.h"
 #include "device/fidel/udp/clock_map.h"
 #include "device/fidel/udp/host.h"
@@ -210,16 +211,48 @@ class Connected {
   std::unique_ptr<UdpConnection> host_;
 };
 
+// ------------------------------------------------------------------------------------------------------------ a controller
+
+void control(Input& input) {
+  static fs_device* const device = [] {
+    fs_device* out = nullptr;
+    require(fs_device_open("sim:?encoder=ideal", &out) == FS_OK, "the simulator:", fs_last_error());
+    return out;
+  }();
+  Socket socket = Socket::listening({"127.0.0.1", 0});
+  const std::string text = socket.own().text();
+  const HostPort place{"127.0.0.1", static_cast<uint16_t>(std::atoi(text.substr(text.rfind(':') + 1).c_str()))};
+  const Endpoint address = Socket::addresses(place).front();
+  Socket host = Socket::to(address, place), stranger = Socket::to(address, place);
+  Controller controller(device, socket, [](const std::string& said) { require(!said.empty(), "it says nothing"); });
+  uint32_t number = 0;
+  for (int i = 0; i < 20 && !input.is_empty(); ++i) {
+    const uint8_t kind = input.byte();
+    if (kind < 32) host.send(encode({Type::hello, 7, ++number}, Hello{}));
+    (kind % 8 ? host : stranger).send(datagram_of(input, kind % 16 ? 7 : 8, ++number));
+  }
+  int ticks = 0;
+  controller.run([&] { return ++ticks > 2; });
+  Datagram datagram;
+  while (host.receive(datagram) == Socket::Heard::something) {
+    Header header{};
+    require(open(datagram.bytes, datagram.size, header) == Opened::good, "what the controller says");
+    State state;
+    if (header.type != Type::state) continue;
+    require(decode(datagram.bytes, datagram.size, state) && is_finite(state.applied), "a state of the controller");
+    require(std::hypot(state.applied.force.x, state.applied.force.y, state.applied.force.z) <= 25 * (1 + 1e-6), "a force beyond the limit");
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Header header{};
   static_cast<void>(open(data, size, header));
   Input input(data, size);
-  if (input.byte() % 4 != 0) {
-    take_apart(input);
-    return 0;
-  }
+  const unsigned kind = input.below(8);
+  if (kind > 1) return take_apart(input), 0;
+  if (kind == 1) return control(input), 0;
   static std::unique_ptr<Connected> connected;
   if (!connected) connected = std::make_unique<Connected>();
   if (!connected->hear(input)) connected.reset();
