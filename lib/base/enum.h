@@ -16,12 +16,11 @@ int32_t raw_value(const Enum& value) {
   return raw;
 }
 
-// The enum of any number: it is checked where it is used.
+// Sets an enum to any number: it is checked where it is used.
 template <class Enum>
-Enum to_enum(int32_t raw) {
-  Enum value;
-  std::memcpy(&value, &raw, sizeof value);
-  return value;
+void set_raw_value(Enum& out, int32_t raw) {
+  static_assert(sizeof(Enum) == sizeof(int32_t));
+  std::memcpy(&out, &raw, sizeof out);
 }
 
 }  // namespace fs

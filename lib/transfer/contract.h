@@ -41,8 +41,8 @@ inline Profile to_record(const fs_profile& from) {
 
 inline fs_profile from_record(const Profile& from) {
   fs_profile out{};
-  out.kind = to_enum<fs_profile_kind>(static_cast<int32_t>(from.kind));
-  out.sense = to_enum<fs_sense>(static_cast<int32_t>(from.sense));
+  set_raw_value(out.kind, static_cast<int32_t>(from.kind));
+  set_raw_value(out.sense, static_cast<int32_t>(from.sense));
   out.gain = from.gain;
   out.offset = from.offset;
   out.width = from.width;
@@ -77,7 +77,7 @@ inline Contact to_record(const fs_contact& from) {
 
 inline fs_contact from_record(const Contact& from) {
   fs_contact out{};
-  out.keep = to_enum<fs_keep>(static_cast<int32_t>(from.keep));
+  set_raw_value(out.keep, static_cast<int32_t>(from.keep));
   out.reserved_32 = static_cast<uint32_t>(from.reserved_32);
   out.stiffness = from.stiffness;
   out.limit = from.limit;
@@ -168,7 +168,7 @@ inline Object to_record(const fs_object& from) {
 inline fs_object from_record(const Object& from) {
   fs_object out{};
   out.struct_size = struct_bytes(from.known);
-  out.primitive = to_enum<fs_primitive>(static_cast<int32_t>(from.primitive));
+  set_raw_value(out.primitive, static_cast<int32_t>(from.primitive));
   std::memcpy(out.name, from.name, sizeof out.name);
   out.pose = from.pose;
   out.twist = from.twist;

@@ -62,7 +62,7 @@ def to_record(field):
 def from_record(field):
     name = field["name"]
     return {"record": f"  out.{name} = from_record(from.{name});", "handle": "",
-            "enum": f"  out.{name} = to_enum<{field['type']}>(static_cast<int32_t>(from.{name}));",
+            "enum": f"  set_raw_value(out.{name}, static_cast<int32_t>(from.{name}));",
             "array": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});",
             "bool": f"  out.{name} = from.{name} != 0;",
             "uint32_t": f"  out.{name} = static_cast<uint32_t>(from.{name});"}.get(kind(field), f"  out.{name} = from.{name};")

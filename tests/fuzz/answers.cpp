@@ -1,5 +1,5 @@
-// What a server may say: the library connects to a server that answers whatever it likes, over the socket and in the shared memory of the
-// outbox. A thread is that server: it answers each request with what comes next in the input, and hangs up at its end.
+// What a server may say: the library connects to a server that answers whatever it likes, over the socket and in the shared memory
+// of the outbox. A thread is that server: it answers each request with what comes next in the input, and hangs up at its end.
 #include <array>
 #include <thread>
 #include <vector>
@@ -64,7 +64,8 @@ class Server {
   Server()
       : endpoint_("shm:fuzz-answers-" + std::to_string(getpid())),
         listener_(fs::Listener::for_this_user(endpoint_.substr(endpoint_.find(':') + 1))),
-        inbox_(fs::make_region("fuzz-inbox", fs::Inbox::bytes(most_objects))), outbox_(fs::make_region("fuzz-outbox", sizeof(fs::Outbox))),
+        inbox_(fs::make_region("fuzz-inbox", fs::Inbox::bytes(most_objects))),
+        outbox_(fs::make_region("fuzz-outbox", sizeof(fs::Outbox))),
         memory_(fs::map_region(outbox_, sizeof(fs::Outbox), true)) {}
 
   const std::string& endpoint() const { return endpoint_; }
@@ -124,7 +125,8 @@ class Server {
     Descriptor data;
     size_t size = 0;
     bool is_cut = false;
-    if (!fs::wait_for(socket_, false, 2) || fs::receive_message(socket_, out, size, {&data, 1}, is_cut) != fs::Transfer::done) return false;
+    if (!fs::wait_for(socket_, false, 2)) return false;
+    if (fs::receive_message(socket_, out, size, {&data, 1}, is_cut) != fs::Transfer::done) return false;
     out.resize(size);
     return true;
   }

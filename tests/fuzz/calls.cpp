@@ -1,6 +1,6 @@
-// Objects of any numbers, and calls in any order, through the C functions, on a scene of this process that is felt by a tool of its own
-// and, in half of the cases, by a servo. What is refused says which field is wrong and changes nothing; forces are finite and within the
-// limits.
+// Objects of any numbers, and calls in any order, through the C functions, on a scene of this process that is felt by a tool of its
+// own and, in half of the cases, by a servo. What is refused says which field is wrong and changes nothing; forces are finite and
+// within the limits.
 #include <array>
 #include <vector>
 
@@ -64,7 +64,7 @@ struct Assets {
 };
 
 fs_vec3 vector(Input& input) {
-  const double x = input.number(), y = input.number(), z = input.number();
+  const double x = input.coordinate(), y = input.coordinate(), z = input.coordinate();
   return {x, y, z};
 }
 
@@ -273,7 +273,7 @@ class World {
       }
       case 13: {
         std::vector<fs_vec3> points(input_.below(40));
-        for (fs_vec3& point : points) point = {0.001 * input_.byte(), sometimes(input_, 0), 0};
+        for (fs_vec3& point : points) point = {0.001 * input_.byte(), input_.byte() < 208 ? 0 : input_.coordinate(), 0};
         change([&] { return fs_scene_set_tool(scene, points.data(), points.size()); });
         break;
       }
@@ -288,7 +288,11 @@ class World {
         change([&] { return is_accuracy ? fs_scene_set_accuracy(scene, value) : fs_scene_set_max_stiffness(scene, value); });
         break;
       }
-      case 16: change([&] { return input_.byte() < 64 ? fs_scene_clear(scene) : fs_scene_set_clutch(scene, input_.coin()); }); break;
+      case 16: {
+        const bool clears = input_.byte() < 64, holds = input_.coin();
+        change([&] { return clears ? fs_scene_clear(scene) : fs_scene_set_clutch(scene, holds); });
+        break;
+      }
       case 17: evaluate(); break;
       case 18: step(); break;
       case 19: ask(); break;

@@ -66,6 +66,11 @@ class Input {
     if (kind < 48) return std::ldexp(static_cast<double>(take<int16_t>()), static_cast<int>(byte()) - 128);
     return (kind - 144) / 64.0;  // -1.5 to 1.75
   }
+  // The same for a place, m: no farther than a million metres, up to where forces are exact, or so far that it is refused.
+  double coordinate() noexcept {
+    const double value = number();
+    return std::fabs(value) > 1e6 && std::fabs(value) < 1e16 ? std::copysign(1e6, value) : value;
+  }
   // One of the values of an enum, which go from 0 to `last`; now and then none of them.
   int32_t choice(int32_t last) noexcept {
     const uint8_t kind = byte();

@@ -11,8 +11,8 @@ using fuzz::require;
 
 namespace {
 
-// A growing struct whose struct_size may be wrong. It lies in memory of exactly the size that it tells of itself, or of its real one
-// where it tells less, so that the address sanitizer sees who reads or writes beyond it.
+// A growing struct whose struct_size may be wrong. It lies in memory of exactly the size that it tells of itself, or of its real
+// one where it tells less, so that the address sanitizer sees who reads or writes beyond it.
 template <class Struct>
 class Grown {
  public:
@@ -48,8 +48,8 @@ fs_servo_options servo_options(fuzz::Input& input) {
   // Not a thread of its own: that takes as long as the system needs to start it.
   const int32_t taken = mode == FS_SERVO_THREAD || mode == FS_SERVO_CALLER ? FS_SERVO_VIRTUAL : mode;
   std::memcpy(&out.mode, &taken, sizeof taken);
-  for (double* const field : {&out.rate, &out.force_limit, &out.torque_limit, &out.slew_limit, &out.speed_limit, &out.ramp, &out.fade,
-                              &out.blend, &out.delay, &out.damping, &out.max_stiffness}) {
+  for (double* const field : {&out.rate, &out.force_limit, &out.torque_limit, &out.slew_limit, &out.speed_limit, &out.ramp,
+                              &out.fade, &out.blend, &out.delay, &out.damping, &out.max_stiffness}) {
     *field = usual(input);
   }
   out.priority = input.coin() ? 0 : input.take<int32_t>();
@@ -101,7 +101,7 @@ void start_servo(fuzz::Input& input, fs_device* device) {
   require(fs_scene_get_hand(scene.get(), nullptr, nullptr, &sent) == FS_OK, "the hand:", fs_last_error());
   const double force = std::hypot(sent.force.x, sent.force.y, sent.force.z);
   const double limit = options.get()->force_limit > 0 ? options.get()->force_limit : 25;
-  require(force <= limit * (1 + 1e-9) + 1e-12, "a force beyond the limit:", (std::to_string(force) + " N, limit " + std::to_string(limit)).c_str());
+  require(force <= limit * (1 + 1e-9) + 1e-12, "a force beyond the limit:", std::to_string(force).c_str());
 
   Grown<fs_servo_stats> stats(input, fs_servo_stats_init());
   if (const fs_status got = fs_scene_get_servo_stats(scene.get(), stats.get()); got != FS_OK) require_reason(got);
@@ -151,13 +151,14 @@ void make_surface(fuzz::Input& input) {
   require(fs_object_set(scene.get(), &floor) == FS_OK, "a floor:", fs_last_error());
   for (int i = 0; i < 4; ++i) {
     fs_state state{};
-    state.pose = {{1e-3 * i, input.number(), 1e-3 - 1e-3 * i}, {1, 0, 0, 0}};
+    state.pose = {{1e-3 * i, input.coordinate(), 1e-3 - 1e-3 * i}, {1, 0, 0, 0}};
     state.twist.linear = {0, 0, -0.5};
     state.time = 1 + 1e-3 * i;
     fs_response response;
     if (fs_evaluate(tool, &state, &response) != FS_OK) continue;
     const fs_vec3& f = response.wrench.force;
-    require(std::hypot(f.x, f.y, f.z) <= 8 * (1 + 1e-9), "a force beyond the limit of its object");
+    require(std::hypot(f.x, f.y, f.z) <= 8 * (1 + 1e-9), "a force beyond the limit of its object:",
+            (std::to_string(std::hypot(f.x, f.y, f.z)) + " N").c_str());
   }
 }
 

@@ -1,5 +1,5 @@
-// Samples of a stranger in the room of a bridge, as the bridge gets them from DDS: sites, clients, objects, motions, contents, edits and
-// answers. They are written and read in this process, and what comes of them is set at a server of this process.
+// Samples of a stranger in the room of a bridge, as the bridge gets them from DDS: sites, clients, objects, motions, contents,
+// edits and answers. They are written and read in this process, and what comes of them is set at a server of this process.
 #include <array>
 #include <deque>
 #include <functional>
@@ -187,9 +187,10 @@ class Stranger {
     out.primitive = input_.choice(FS_PRIMITIVE_MESH);
     out.is_closed = input_.coin();
     std::vector<forceserver_Vec3> points(input_.byte() < 200 ? 3 : input_.below(20));
-    for (size_t i = 0; i < points.size(); ++i) points[i] = {some(0.1 * static_cast<double>(i % 2)), some(0.1 * static_cast<double>(i / 2)), some(0)};
-    std::vector<uint32_t> triangles = input_.byte() < 200 ? std::vector<uint32_t>{0, 1, 2} : std::vector<uint32_t>(input_.below(20));
-    if (triangles.size() != 3) {
+    for (size_t i = 0; i < points.size(); ++i) points[i] = {some(i % 2 ? 0.1 : 0), some(i / 2 ? 0.1 : 0), some(0)};
+    std::vector<uint32_t> triangles{0, 1, 2};
+    if (input_.byte() >= 200) {
+      triangles.resize(input_.below(20));
       for (uint32_t& index : triangles) index = input_.byte();
     }
     const forceserver_Shape key = out;

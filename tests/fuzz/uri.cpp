@@ -1,5 +1,5 @@
-// The addresses that people type: of devices, of servers, of a controller on the network. Nothing is opened but the simulator: beside
-// this program there are no modules, and the addresses of other devices are only taken apart.
+// The addresses that people type: of devices, of servers, of a controller on the network. Nothing is opened but the simulator:
+// beside this program there are no modules, and the addresses of other devices are only taken apart.
 #include <forceserver/device.h>
 
 #include "base/error.h"

@@ -1,5 +1,5 @@
-// Packets from USB devices: the identity, reports and status of a FIDEL, and the stream of a Falcon. What comes of them is a place within
-// the workspace and torques within the limits of the motors, or nothing.
+// Packets from USB devices: the identity, reports and status of a FIDEL, and the stream of a Falcon. What comes of them is a place
+// within the workspace and torques within the limits of the motors, or nothing.
 #include "device/falcon/kinematics.h"
 #include "device/falcon/packet.h"
 #include "device/fidel/usb/arm.h"

@@ -322,12 +322,11 @@ void damage(Input& input, std::vector<std::byte>& bytes) {
   }
 }
 
-constexpr uint32_t types[] = {type_shape,       type_curve,   type_forget,      type_set,         type_set,          type_change,
-                              type_place,       type_remove,  type_clear,       type_frame,       type_clutch,       type_tool,
-                              type_wake,        type_bind,    type_accuracy,    type_max_stiffness, type_surface,    type_tool_radius,
-                              type_sync,        type_pull,    type_get,         type_fetch,       type_report,       type_reports,
-                              type_clients,     type_view,    type_stats,       type_device,      type_stop_force,   type_motions,
-                              type_views,       type_record,  type_resume_force, type_motions_since};
+constexpr uint32_t types[] = {
+    type_shape, type_curve, type_forget, type_set, type_set, type_change, type_place, type_remove, type_clear, type_frame,
+    type_clutch, type_tool, type_wake, type_bind, type_accuracy, type_max_stiffness, type_surface, type_tool_radius,  // 18 changes
+    type_sync, type_pull, type_get, type_fetch, type_report, type_reports, type_clients, type_view, type_stats, type_device,
+    type_stop_force, type_motions, type_views, type_record, type_resume_force, type_motions_since};
 
 class HostileClient {
  public:
