@@ -331,6 +331,7 @@ int run_virtual(uint64_t ticks, uint64_t seed) {
   Random random(seed);
   Load load(scene.get(), folder.path, seed + 1, 12, false);
   uint64_t done = 0, servos = 0, faults = 0;
+  const double start = monotonic();
   bool is_first = true;  // the look after a tenth of the ticks is still to come
   while (is_first || done < ticks) {
     const Device device = open_device(("sim:?path=figure8&seed=" + std::to_string(seed + servos)).c_str());
@@ -366,8 +367,8 @@ int run_virtual(uint64_t ticks, uint64_t seed) {
     tell_holdings(is_first ? "tenth" : "end");
     is_first = false;
   }
-  std::printf("virtual %llu ticks, %llu calls, %llu servos, %llu faults\n", static_cast<unsigned long long>(done),
-              static_cast<unsigned long long>(load.calls), static_cast<unsigned long long>(servos),
+  std::printf("virtual %llu in %.0f s, %llu calls, %llu servos, %llu faults\n", static_cast<unsigned long long>(done),
+              monotonic() - start, static_cast<unsigned long long>(load.calls), static_cast<unsigned long long>(servos),
               static_cast<unsigned long long>(faults));
   std::printf("golden %016llx\n", static_cast<unsigned long long>(golden(scene.get())));
   return EXIT_SUCCESS;
@@ -434,6 +435,7 @@ int run_server(const char* endpoint, const std::string& seed, int priority) {
       tell(fs_status_name(fs_scene_save(scene.get(), command.c_str() + 5)));
     }
     if (command == "latched") tell(std::to_string(latched));
+    if (command == "clock") tell(std::to_string(std::time(nullptr)));
     load.act();
     fs_servo_stats stats = fs_servo_stats_init();
     require(fs_scene_get_servo_stats(scene.get(), &stats), "fs_scene_get_servo_stats");
