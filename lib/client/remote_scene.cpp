@@ -194,10 +194,10 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
   mutate(call, [&](Group& group) {
     group.require_room(names, 3);
     replica_.scene->set_contents(objects, frame, tool, tool_radius);
-    for (const std::string& name : names) group.add_object(wire::type_set, name.c_str(), all_parts);
     group.add_frame();
     group.add_tool();
-    group.add_tool_radius();
+    group.add_tool_radius();  // before the objects: while the present radius is above 0, the server takes no solid mesh
+    for (const std::string& name : names) group.add_object(wire::type_set, name.c_str(), all_parts);
   });
 }
 

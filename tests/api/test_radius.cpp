@@ -350,12 +350,19 @@ START_TEST(it_is_in_files_and_views) {
   EXPECT_NEAR(view.point_radius, 2 * r, 0);
   OK(fs_scene_cancel(world.scene));
   EXPECT_NEAR(radius_of(world.scene), r, 0);
-  // A file with a solid mesh and a radius is refused as a whole.
+  // A file with a solid mesh and without a radius takes the place of one.
   const Scene other = make_scene();
   const Shape shape = make_mesh(box_mesh({0.01, 0.01, 0.01}));
   const fs_object o = box(shape);
   OK(fs_object_set(other.get(), &o));
   OK(fs_scene_save(other.get(), path.c_str()));
+  OK(fs_scene_load(world.scene, path.c_str()));
+  OK(world.sync(world.scene));
+  EXPECT_NEAR(radius_of(world.scene), 0, 0);
+  ck_assert(has(world.scene, "box"));
+  OK(fs_object_remove(world.scene, "box"));
+  set_radius(world.scene, r);
+  // A file with a solid mesh and a radius is refused as a whole.
   std::ifstream in(path);
   std::string text((std::istreambuf_iterator<char>(in)), {});
   text.insert(text.find("\"objects\""), "\"tool_radius\": 0.001, ");
