@@ -316,13 +316,14 @@ size_t entries(const char* folder) {
   const std::filesystem::directory_iterator all(folder);
   return static_cast<size_t>(std::distance(begin(all), end(all)));
 }
-void tell_holdings(const char* when) {
+// Bytes resident and in use by the heap, descriptors, threads.
+void tell_holdings(const std::string& when) {
   size_t all = 0, resident = 0;
   std::ifstream("/proc/self/statm") >> all >> resident;
   const struct mallinfo2 heap = mallinfo2();
-  std::printf("holdings %s %zu %zu %zu %zu\n", when, resident * static_cast<size_t>(sysconf(_SC_PAGESIZE)),
-              heap.uordblks + heap.hblkhd, entries("/proc/self/fd"), entries("/proc/self/task"));
-  std::fflush(stdout);
+  tell("holdings " + when + " " + std::to_string(resident * static_cast<size_t>(sysconf(_SC_PAGESIZE))) + " " +
+       std::to_string(heap.uordblks + heap.hblkhd) + " " + std::to_string(entries("/proc/self/fd")) + " " +
+       std::to_string(entries("/proc/self/task")));
 }
 
 int run_virtual(uint64_t ticks, uint64_t seed) {
@@ -434,6 +435,7 @@ int run_server(const char* endpoint, const std::string& seed, int priority) {
       fill(scene.get(), content);
       tell(fs_status_name(fs_scene_save(scene.get(), command.c_str() + 5)));
     }
+    if (command == "holdings") tell_holdings("now");
     if (command == "latched") tell(std::to_string(latched));
     if (command == "clock") tell(std::to_string(std::time(nullptr)));
     load.act();
