@@ -388,7 +388,7 @@ class RealTime:
         table.add("saved to a full disk", f"not, {self.disk.why_not}" if self.disk.why_not else f"{2 * counts['full']} times")
         half = len(self.resident) // 2
         early, late = max(self.resident[:half]), max(self.resident[half:])
-        bound = early * 1.2 + 16 * megabyte
+        bound = early * 1.2 + 64 * megabyte  # threads of the server need that much for moments
         table.add("server, residents only, first minute", self.first.describe())
         table.add("server, residents only, end", last.describe(), "heap +4 MB at most, the rest as before",
                   last.heap <= self.first.heap + 4 * megabyte and
