@@ -381,7 +381,8 @@ class RealTime:
         elapsed = end["time"] - begin["time"]
         counted = (end["ticks"] + end["misses"] - begin["ticks"] - begin["misses"]) * 1e-3
         table.add("clients", f"{counts['came']} came, {counts['left']} left, {counts['killed']} were killed")
-        table.add("clients that the server dropped", str(counts["dropped"]), "" if self.beside else "0", self.beside or not counts["dropped"])
+        table.add("clients that the server dropped", str(counts["dropped"]), "" if self.beside else "0",
+                  self.beside or not counts["dropped"])
         table.add("device unplugged; force stopped and resumed", f"{counts['unplugged']} times; {counts['stopped']} times")
         table.add("server suspended for 2 s", f"{counts['suspended']} times")
         table.add("CLOCK_REALTIME set", f"{counts['clock']} times" if self.fake_time else "not, faketime is missing")
@@ -398,8 +399,8 @@ class RealTime:
         drift, most_drift = abs(last_age - first_age), 1 if self.beside else 0.01
         table.add("drift of the scene's clock", f"{1e6 * drift:.0f} us", f"below {1e3 * most_drift:.0f} ms", drift < most_drift)
         table.add("ticks and misses against the clock", f"{1e3 * (counted - elapsed):+.1f} ms of {elapsed:.0f} s")
-        table.add("ticks missed", f"{end['misses']} of {end['ticks'] + end['misses']}, of which {2000 * counts['suspended']} suspended; "
-                                  f"{end['realtime']}")
+        table.add("ticks missed", f"{end['misses']} of {end['ticks'] + end['misses']}, about {2000 * counts['suspended']} of them "
+                                  f"suspended; {end['realtime']}")
         table.add("late; time of a tick, 99 of 100 (last 10 s)", f"{1e6 * end['late_p99']:.0f} us; {1e6 * end['compute_p99']:.0f} us")
         table.add("cyclictest", self.cyclictest_figures())
         table.add("latched faults, cleared", str(latched))
@@ -408,7 +409,8 @@ class RealTime:
         table.add("steps to 0 by fault, stop or unplugging", f"{end['cuts']}, the largest of {end['largest_cut']:.2f} N/ms")
         table.add("ticks seen, not seen", f"{end['seen']}, {end['unseen']}")
         table.add("clients at the end", str(len(clients)), "those that stayed", clients == names)
-        table.add("objects at the end", str(len(objects)), "as these left them", objects == sorted(wanted) and wanted != [])
+        table.add("objects at the end", str(len(objects)), "as these left them",
+                  objects == sorted(wanted) and wanted != [])
         table.add("server's end", str(status), "0", status == 0)
 
     def cyclictest_figures(self):
@@ -417,7 +419,8 @@ class RealTime:
         self.cyclictest.process.send_signal(signal.SIGINT)
         output, _ = self.cyclictest.process.communicate()
         output = output.decode()
-        total, missed, worst = (re.search(rf"^# {name}: *(\d+)", output, re.M) for name in ("Total", "Histogram Overflows", "Max Latencies"))
+        total, missed, worst = (re.search(rf"^# {name}: *(\d+)", output, re.M)
+                                for name in ("Total", "Histogram Overflows", "Max Latencies"))
         if not (total and missed and worst):
             return f"gave nothing: {self.cyclictest.error() or output[-100:]}"
         return (f"{int(missed[1])} of {int(total[1]) + int(missed[1])} later than a period, at most {int(worst[1])} us")
