@@ -2,7 +2,7 @@
 
 collect.py ROOT SOURCE
 
-A page keeps its place; README.md becomes index.md. A link to a page leads to that page of the site, one to another file
+A page keeps its place, but .github is called project; README.md becomes index.md. A link to a page leads to that page of the site, one to another file
 lets the reader download it, and one to a folder without a page leads to a list of its files. navigation.md has the order of
 the pages.
 """
@@ -14,7 +14,7 @@ import sys
 
 here = pathlib.Path(__file__).resolve().parent
 root, source = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
-NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
+NOT_OURS = re.compile(r"build.*|node_modules|\.(?!github$).+")  # folders whose pages are not of the project
 CODE = (r"(?ms)^ {0,3}(?P<fence>`{3,}|~{3,}).*?^ {0,3}(?P=fence)[`~]*$"  # within fences, indented, or within a paragraph
         r"|^ {4}.*?$|(?P<ticks>`+)(?!`)(?:(?!\n\s*\n).)+?(?<!`)(?P=ticks)(?!`)")
 JAVA = """# The Java classes
@@ -38,6 +38,8 @@ def in_site(path):
     if path.is_dir():
         path /= "README.md"
     name = path.relative_to(root)
+    if name.parts[0] == ".github":  # many tools take a folder that begins with a dot for hidden
+        name = pathlib.Path("project", *name.parts[1:])
     return source / (name.with_name("index.md") if name.name == "README.md" else name)
 
 
