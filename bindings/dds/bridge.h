@@ -73,8 +73,8 @@ class Bridge {
   const Options options_;
   const uint64_t session_;
   Participant participant_;
-  std::optional<Room>
-      room_;  // always there but for a moment in join_again, which makes it anew at the same place: the parts refer to it
+  // Always there but for a moment in join_again, which makes it anew at the same place: the parts refer to it.
+  std::optional<Room> room_;
   Worker worker_;
   ContentReader contents_;
   Outgoing outgoing_;

@@ -44,7 +44,7 @@ std::string usb_rule_advice(const std::string& match) {
   for (const std::string read : {"/etc/udev/rules.d/", "/usr/local/lib/udev/rules.d/", "/usr/lib/udev/rules.d/"}) {  // by udev
     if (access((read + name).c_str(), R_OK) != 0) continue;
     return "the rule " + read + name +
-           " is there, so plug the device in again; if you are not logged in at the screen, that file " + "says what to add";
+           " is there, so plug the device in again; if you are not logged in at the screen, that file says what to add";
   }
   const std::string file = FORCESERVER_RULES_FOLDER "/" + name;
   const std::string command = access(file.c_str(), R_OK) == 0 ? "sudo cp " + file + " " + folder

@@ -7,7 +7,7 @@
 
 struct LocalServer {
   std::string name;
-  std::uint32_t user = 0;// whose it is
+  std::uint32_t user = 0;   // whose it is
   bool is_user_known = false;
   bool for_all = false;     // other users may connect
   long process = 0;         // 0: not known
