@@ -12,6 +12,7 @@ import forceserver as fs
 import numpy as np
 
 from conftest import (
+    PATIENCE,
     Editor,
     Lab,
     Page,

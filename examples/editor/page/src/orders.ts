@@ -68,7 +68,7 @@ export class Orders {
     const look = () => {
       const item = this.model.byName(name);
       if (item) this.model.select([item.told.id]);
-      else if (++looks < 100) setTimeout(look, 30);
+      else if (++looks < 1000) setTimeout(look, 30);
     };
     look();
   }
