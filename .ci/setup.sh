@@ -3,6 +3,9 @@
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
+# What the library and its program are built with, on Debian.
+library_packages=(g++ cmake ninja-build pkg-config libembree-dev libmuparser-dev nlohmann-json3-dev libcli11-dev)
+
 # need_packages NAME...: installs the missing ones of these Debian packages, or says how.
 need_packages() {
   if ! command -v apt-get > /dev/null || ! command -v dpkg-query > /dev/null; then
@@ -39,6 +42,12 @@ need_packages() {
     fi
   fi
   rm -f "$log"
+}
+
+# package_sources: from where this machine has the packages of its Debian or Ubuntu, but for those of others; lines as of sources.list.
+package_sources() {
+  apt-get indextargets --format 'deb $(REPO_URI) $(RELEASE) $(COMPONENT)' 'Identifier: Packages' \
+    "Origin: $(. /etc/os-release && echo "${ID^}")" | sort -u
 }
 
 # need_tools NAME...: for other systems than Debian. Ends with a message when a tool is missing; CMake reports a missing
@@ -84,11 +93,23 @@ build() {
   fi
 }
 
+# has_package_index PACKAGE: whether pip can fetch this package of Python, in an environment of its own.
+has_package_index() {
+  need_packages python3-venv
+  local folder status
+  folder=$(mktemp -d)
+  "${PYTHON:-python3}" -m venv "$folder/environment" &&
+    "$folder/environment/bin/pip" download -q --no-deps --dest "$folder" "$1"
+  status=$?
+  rm -rf "$folder"
+  return $status
+}
+
 # Makes an environment of Python with matplotlib, in which pictures are drawn. The last line that it prints says why there
 # is none.
 environment=$root/build/picture
 make_environment() {
-  [ ! -e "$environment/is_complete" ] || return 0
+  [ "$(cat "$environment/made_for" 2> /dev/null)" != "$(python3 --version 2>&1)" ] || return 0
   command -v python3 > /dev/null || { echo "python3 is missing (Debian: python3)"; return 1; }
   python3 -c 'import venv, ensurepip' || { echo "Python has no venv (Debian: python3-venv)"; return 1; }
   if ! { rm -rf "$environment" && python3 -m venv "$environment" &&
@@ -97,7 +118,7 @@ make_environment() {
     echo "pip cannot install matplotlib"
     return 1
   fi
-  touch "$environment/is_complete"
+  python3 --version > "$environment/made_for"
 }
 
 # need_driver URI: ends with a message where no driver can open such a device.
@@ -114,7 +135,7 @@ need_driver() {
 prepare_python() {
   local folder=$1 python=${PYTHON:-python3} headers made_for
   shift
-  need_packages g++ cmake ninja-build pkg-config libembree-dev libmuparser-dev libcli11-dev python3-venv python3-dev
+  need_packages "${library_packages[@]}" python3-venv python3-dev
   headers=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
   [ -e "$headers/Python.h" ] || { echo "$headers has no Python.h (Debian: python3-dev)" >&2; exit 1; }
   made_for="$("$python" --version) $*"

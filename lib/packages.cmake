@@ -10,7 +10,7 @@ set(CPACK_DEBIAN_PACKAGE_SOURCE forceserver)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # each package has its own
 # Whoever makes the packages answers for them. Other tools of Debian read these variables of the environment, too.
-if(DEFINED ENV{DEBEMAIL})
+if(DEFINED ENV{DEBEMAIL} AND DEFINED ENV{DEBFULLNAME})
   set(CPACK_PACKAGE_CONTACT "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
 else()
   set(CPACK_PACKAGE_CONTACT "The authors of forceserver <forceserver@forceserver.invalid>")
@@ -44,10 +44,11 @@ function(package component name section summary description)
   set(copyright "forceserver\n\nCopyright (C) ${year} the authors of forceserver\nLicence: Apache License, version 2.0; \
 on Debian it is in /usr/share/common-licenses/Apache-2.0.\n")
   foreach(library IN LISTS ARGN)
-    if(EXISTS /usr/share/doc/${library}/copyright)
-      file(READ /usr/share/doc/${library}/copyright text)
-      string(APPEND copyright "\n\nParts of ${library} are in this package. Debian says of it:\n\n${text}")
+    if(NOT EXISTS /usr/share/doc/${library}/copyright)
+      message(FATAL_ERROR "/usr/share/doc/${library}/copyright is missing: package ${name} has parts of ${library}, so it needs this licence")
     endif()
+    file(READ /usr/share/doc/${library}/copyright text)
+    string(APPEND copyright "\n\nParts of ${library} are in this package. Debian says of it:\n\n${text}")
   endforeach()
   file(WRITE ${work}/${name}/copyright "${copyright}")
   install(FILES ${work}/${name}/copyright ${work}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name}
@@ -87,9 +88,10 @@ if(TARGET forceserver_bridge)
   set(CPACK_DEBIAN_DDS_PACKAGE_RECOMMENDS openssl)  # make-keys
 endif()
 
-# A program that was built with this version needs it or a later one. The loader's cache is made anew.
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SUGGESTS forceserver)  # the rules for devices on the USB
+# Packages of programs that were built with this version need it or a later one.
 file(WRITE ${work}/shlibs "libforceserver ${soversion} ${library} (>= ${PROJECT_VERSION})\n")
+# The loader's cache is made anew.
 file(WRITE ${work}/triggers "activate-noawait ldconfig\n")
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA ${work}/shlibs ${work}/triggers)
 include(CPack)

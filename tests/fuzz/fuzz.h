@@ -66,7 +66,7 @@ class Input {
     if (kind < 48) return std::ldexp(static_cast<double>(take<int16_t>()), static_cast<int>(byte()) - 128);
     return (kind - 144) / 64.0;  // -1.5 to 1.75
   }
-  // The same for a place, m: no farther than a million metres, up to where forces are exact, or so far that it is refused.
+  // A coordinate, m: within 1e6 m, where forces are exact, or beyond 1e16 m, where it must be refused.
   double coordinate() noexcept {
     const double value = number();
     return std::fabs(value) > 1e6 && std::fabs(value) < 1e16 ? std::copysign(1e6, value) : value;

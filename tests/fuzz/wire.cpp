@@ -81,6 +81,12 @@ class Host final : public fs::Host {
       else job.clear();
     }
   }
+  void require_limits() const {
+    for (const fs_client& client : clients_.describe()) {
+      const fs_vec3 force = client.wrench.force;
+      require(std::hypot(force.x, force.y, force.z) <= client_limit * (1 + 1e-9), "a force beyond the limit of its client");
+    }
+  }
   void bury() {
     static_cast<void>(sessions_.take_gone());
     clients_.remove_gone();
@@ -521,13 +527,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       if (what & 2) host.serve(what >> 5);
       if (what & 4) host.work();
       if (what & 8) host.turn();
-      if (what & 16) rig.step(1 + (what >> 6));
+      if (what & 16) rig.step(1 + (what >> 6)), host.require_limits();
       if ((what & 26) == 26) host.bury();
     }
     host.work();
     host.serve(1);
     host.turn();
     rig.step(2);
+    host.require_limits();
     host.work();
     host.serve(0);
     host.turn();

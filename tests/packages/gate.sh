@@ -1,6 +1,6 @@
 # gate.sh: what `run` does as root in a fresh Debian that it has made, with the packages in /gate. It ends at the first thing that
 # is wrong.
-set -euo pipefail
+set -Eeuo pipefail
 cd /gate
 fail() { echo "FAILED: $*"; exit 1; }
 trap 'echo "FAILED: line $LINENO of gate.sh: $BASH_COMMAND"' ERR
@@ -124,4 +124,5 @@ fi
 # Only the packages of others stay, such as the compiler.
 apt -y purge '~n^libforceserver' '~n^forceserver'
 echo "all removed, $SECONDS s"
-! files | grep forceserver || fail "this is left"
+files > last
+! grep forceserver last || fail "this is left"

@@ -383,10 +383,15 @@ class RealTime:
         table.add("clients", f"{counts['came']} came, {counts['left']} left, {counts['killed']} were killed")
         table.add("clients that the server dropped", str(counts["dropped"]), "" if self.beside else "0",
                   self.beside or not counts["dropped"])
-        table.add("device unplugged; force stopped and resumed", f"{counts['unplugged']} times; {counts['stopped']} times")
-        table.add("server suspended for 2 s", f"{counts['suspended']} times")
-        table.add("CLOCK_REALTIME set", f"{counts['clock']} times" if self.fake_time else "not, faketime is missing")
-        table.add("saved to a full disk", f"not, {self.disk.why_not}" if self.disk.why_not else f"{2 * counts['full']} times")
+        happened = [("device unplugged", "unplugged", ""), ("force stopped and resumed", "stopped", ""),
+                    ("server suspended for 2 s", "suspended", ""),
+                    ("CLOCK_REALTIME set", "clock", "" if self.fake_time else "faketime is missing"),
+                    ("saved to a full disk, by server and client", "full", self.disk.why_not)]
+        for what, key, why_not in happened:
+            if why_not:
+                table.add(what, f"not, {why_not}")
+            else:
+                table.add(what, f"{counts[key]} times", "at least once", counts[key] > 0)
         half = len(self.resident) // 2
         early, late = max(self.resident[:half]), max(self.resident[half:])
         bound = early * 1.2 + 64 * megabyte  # threads of the server need that much for moments
@@ -407,7 +412,8 @@ class RealTime:
         table.add("largest step of the force", f"{end['largest_step']:.3f} N/ms, of {end['largest_force']:.2f} N at most",
                   "at most 1.5 N/ms, the guard's", end["above"] == 0)
         table.add("steps to 0 by fault, stop or unplugging", f"{end['cuts']}, the largest of {end['largest_cut']:.2f} N/ms")
-        table.add("ticks seen, not seen", f"{end['seen']}, {end['unseen']}")
+        table.add("ticks seen, not seen", f"{end['seen']}, {end['unseen']}", "some, and some force in them",
+                  end["seen"] > 0 and end["largest_force"] > 0)
         table.add("clients at the end", str(len(clients)), "those that stayed", clients == names)
         table.add("objects at the end", str(len(objects)), "as these left them",
                   objects == sorted(wanted) and wanted != [])
