@@ -23,7 +23,6 @@
 
 namespace {
 
-constexpr int servo_priority = 80;           // what a servo asks for, unless its options say otherwise
 constexpr int wanted_priority = 90;          // for limits.d: room for a driver's thread above the servo
 constexpr std::size_t locked_bytes = 6 << 20;  // a servo at 1 kHz locks about 5 MB
 constexpr const char* limits_file = "/etc/security/limits.d/forceserver.conf";
@@ -74,14 +73,14 @@ void tell_machine(DoctorPage& page) {
   page.figure("preemption", known(preemption));
   page.figure("processor", known(processor));
   page.figure("governor", known(governor));
-  const std::string container = known(container_kind);
+  const std::string container = known(container_kind).text;
   page.figure("container", container.empty() ? "none, as far as one can see" : container);
 }
 
 // How a user is granted priority and memory: by whoever starts the container, or by a file that pam_limits reads at the login.
 std::string how_to_grant() {
   std::string text;
-  if (!known(container_kind).empty()) {
+  if (const Known container = known(container_kind); container.is_known && !container.text.empty()) {
     text = format("start the container with --cap-add SYS_NICE --ulimit rtprio=%d --ulimit memlock=-1\nor, where users log in: ",
                   wanted_priority);
   }
@@ -137,11 +136,11 @@ void tell_devices(DoctorPage& page) {
   std::string text;
   for (const std::string& line : lines) text += (text.empty() ? "" : "\n") + line;
   page.figure("drivers", text.empty() ? "none" : text, told);
-  const std::string found_devices = known([&] {
+  const Known found_devices = known([&] {
     for (const fs_device_entry& entry : forceserver::device_list()) uris.push_back(entry.uri);
     return join(uris, "none");
   });
-  page.figure("devices", found_devices, uris);
+  page.figure("devices", found_devices.text, uris);
   const Bus bus = look_at_bus();
   text.clear();
   for (const SeenDevice& seen : bus.seen) {
@@ -302,8 +301,8 @@ void tell_lateness(DoctorPage& page, double seconds) {
 }
 
 void look_at_governor(DoctorPage& page) {
-  const std::string found = known(governor);
-  if (found == "performance" || found.starts_with("not known")) return;
+  const auto [found, is_known] = known(governor);
+  if (!is_known || found == "performance") return;
   page.better("the frequency of the processor follows its load (governor " + found + "), so a servo may wake late",
               "sudo cpupower frequency-set -g performance");
 }
