@@ -101,7 +101,8 @@ bare=(prlimit --memlock=0 --rtprio=0 --)
 locked=', locked memory, '
 [ $sanitized = no ] || locked=  # a sanitizer locks no memory, and says that it did
 expect 1 "^WRONG   the system refuses a servo a real-time priority, .*$locked" "${bare[@]}" "${doctor[@]}"
-also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' \| sudo tee /etc/security/limits.d/"
+also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' \| sudo tee /etc/security/limits.d/forceserver-$(id -un).conf$"
+also '; the unit of a service says instead: LimitRTPRIO=90, LimitMEMLOCK=infinity$'
 also '^    granted +(none|nice)$'
 
 (ulimit -n 100; exec "${doctor[@]}" > few 2>&1)
@@ -123,6 +124,10 @@ if "$refuse_calls" EPERM memfd_create true; then
   also '^    end of processes +pidfd_open is refused: Operation not permitted$'
   also '^better  the system refuses pidfd_open'
   also '^  cure  .*seccomp'
+  if [ $sanitized = no ]; then  # a sanitizer itself needs a thread
+    expect 1 '^WRONG   a servo cannot be started: ' "$refuse_calls" EPERM clone "${doctor[@]}"
+    also '^  cure  cure what else is wrong first; if that is nothing, send this page in a report$'
+  fi
 fi
 
 # Machines that are imitated in a name space of one's own, in which everybody is root. within SETUP: the page of a machine that these
@@ -164,7 +169,7 @@ if "${unshare[@]}" sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2
   also '^    udev rule +(/etc|/run)/udev/rules.d/60-forceserver.rules$'
   if [ "$(id -u)" = 0 ] && setpriv --reuid=4242 test -x "$program" 2> /dev/null; then
     expect '[01]' '^better  this user has no home: ' setpriv --reuid=4242 --regid=4242 --clear-groups env -u HOME -u XDG_CONFIG_HOME "${doctor[@]}"
-    also '^    home +none: HOME is not set'
+    also '^    home +none: neither XDG_CONFIG_HOME nor HOME is set'
   fi
   if [ ! -e /.dockerenv ]; then  # a file that cannot be read makes no container
     within 'mount -t tmpfs none /run && mkdir /run/systemd &&
@@ -176,6 +181,15 @@ if "${unshare[@]}" sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2
   fi
 else
   echo "machines that are imitated: not tried, there is no name space"
+fi
+
+# A folder of calibrations that belongs to root, as after a first sudo, within one of the user.
+if [ "$(id -u)" = 0 ] && setpriv --reuid=4242 test -x "$program" 2> /dev/null; then
+  mkdir -p config/forceserver
+  chown 4242 config
+  expect '[01]' "^better  calibrations are kept in $folder/config/forceserver, which this user may not write to$" \
+    setpriv --reuid=4242 --regid=4242 --clear-groups env XDG_CONFIG_HOME="$folder/config" "${doctor[@]}"
+  also '^  cure  export XDG_CONFIG_HOME=FOLDER, '
 fi
 
 echo "$failures failures"
