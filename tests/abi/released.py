@@ -6,8 +6,8 @@ released.py keep [--again] [LIBRARY]
                                writes the folder of the version of today's headers; with --again also where it is there. LIBRARY:
                                forceserver_described, without it that of build/release
 released.py headers C_COMPILER compares today's headers with those that are kept: nothing is gone, nothing means something else
-released.py symbols NM LIBRARY each function that a version showed is shown today, with the same version node, and its nodes have no
-                               function more
+released.py symbols NM LIBRARY each function that a version showed is shown today, with the same version node, and its nodes
+                               have no function more
 released.py types LIBRARY      the functions still have their types, in the library itself. LIBRARY: forceserver_described
 released.py programs C_COMPILER CXX_COMPILER FOLDER LIBRARY
                                the kept programs, built with the kept headers, run with today's library
@@ -255,8 +255,8 @@ def keep(*arguments):
     constants = {constant["name"]: constant["value"] for constant in described["constants"]}
     folder = RELEASED / f"{constants['FS_VERSION_MAJOR']}.{constants['FS_VERSION_MINOR']}"
     if folder.exists() and "--again" not in arguments:
-        sys.exit(f"{folder.name} is kept already, and what is released does not change (include/forceserver/versions.md). If it is not "
-                 "released yet: python3 tests/abi/released.py keep --again")
+        sys.exit(f"{folder.name} is kept already, and what is released does not change (include/forceserver/versions.md). If it is "
+                 "not released yet: python3 tests/abi/released.py keep --again")
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "programs").mkdir(parents=True)
     shutil.copytree(INCLUDE / "forceserver", folder / "include/forceserver", ignore=shutil.ignore_patterns("*.md"))

@@ -130,8 +130,8 @@ if "$refuse_calls" EPERM memfd_create true; then
   fi
 fi
 
-# Machines that are imitated in a name space of one's own, in which everybody is root. within SETUP: the page of a machine that these
-# lines of the shell arrange.
+# Machines that are imitated in a name space of one's own, in which everybody is root. within SETUP: the page of a machine that
+# these lines of the shell arrange.
 unshare=(unshare --mount)
 [ "$(id -u)" = 0 ] || unshare+=(--map-root-user)
 within() {

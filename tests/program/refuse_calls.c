@@ -1,5 +1,5 @@
-/* refuse_calls EPERM|ENOSYS CALL,.. COMMAND...: runs a command whose system calls of these names (memfd_create, pidfd_open, clone) are
- * refused with this error, as by the seccomp filter of a container. Ends with 77 where the system has no such filters. */
+/* refuse_calls EPERM|ENOSYS CALL,.. COMMAND...: runs a command whose system calls of these names (memfd_create, pidfd_open, clone)
+ * are refused with this error, as by the seccomp filter of a container. Ends with 77 where the system has no such filters. */
 #include <errno.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
@@ -10,8 +10,8 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-static const struct { const char *name; unsigned number; } calls[] = {{"memfd_create", SYS_memfd_create}, {"pidfd_open", SYS_pidfd_open},
-                                                                {"clone", SYS_clone}, {"clone", SYS_clone3}};
+static const struct { const char *name; unsigned number; } calls[] = {
+  {"memfd_create", SYS_memfd_create}, {"pidfd_open", SYS_pidfd_open}, {"clone", SYS_clone}, {"clone", SYS_clone3}};
 
 int main(int count, char **words)
 {
