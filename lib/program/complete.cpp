@@ -67,7 +67,7 @@ void add_argument(const Offers& offers, const CLI::App& command, const std::vect
     const CLI::Option* const option = find_option(command, words[i]);
     const bool has_value = option && takes_value(*option);
     if (has_value && i + 1 == words.size()) return add_value(offers, *option);
-    if (!option) ++positionals;
+    if (!words[i].starts_with("-") || words[i] == "-") ++positionals;
     if (has_value) ++i;
   }
   for (const CLI::Option* option : command.get_options()) {
@@ -77,7 +77,13 @@ void add_argument(const Offers& offers, const CLI::App& command, const std::vect
 
 }  // namespace
 
-int complete(const CLI::App& app, const std::vector<std::string>& words) {
+int complete(const CLI::App& app, const std::vector<std::string>& given) {
+  std::vector<std::string> words;
+  for (const std::string& word : given) {  // "--device=sim:" is "--device" and "sim:"
+    const std::size_t at = word.starts_with("--") ? word.find('=') : word.npos;
+    words.push_back(word.substr(0, at));
+    if (at != word.npos) words.push_back(word.substr(at + 1));
+  }
   const Offers offers(words.empty() ? "" : words.back());
   const bool is_option = !words.empty() && words.back().starts_with("-");
   if (words.size() < 2) {

@@ -3,7 +3,9 @@
 local line word description
 local -a offers
 local -i status_=1
-for line in "${(@f)$("${words[1]/#\~/$HOME}" --complete "${(@)words[2,CURRENT]}" 2> /dev/null)}"; do
+local -a lines=("${(@f)$("${words[1]/#\~/$HOME}" --complete "${(@)words[2,CURRENT]}" 2> /dev/null)}")
+[[ ${words[CURRENT]} != --*=* ]] || compset -P 1 '--*='
+for line in "${(@)lines}"; do
   word=${line%%$'\t'*}
   description=${line#"$word"}
   if [[ $word == :files ]]; then

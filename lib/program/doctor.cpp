@@ -23,10 +23,13 @@
 
 namespace {
 
-constexpr int servo_priority = 80;           // what a servo asks for, unless its options say otherwise
 constexpr int wanted_priority = 90;          // for limits.d: room for a driver's thread above the servo
 constexpr std::size_t locked_bytes = 6 << 20;  // a servo at 1 kHz locks about 5 MB
-constexpr const char* limits_file = "/etc/security/limits.d/forceserver.conf";
+#ifdef __aarch64__
+constexpr const char* real_time_kernel = "linux-image-rt-arm64";  // a package of Debian
+#else
+constexpr const char* real_time_kernel = "linux-image-rt-amd64";
+#endif
 
 std::string bytes_text(double bytes) {
   if (bytes >= 1e9) return format("%.1f GB", bytes / 1e9);
@@ -74,26 +77,25 @@ void tell_machine(DoctorPage& page) {
   page.figure("preemption", known(preemption));
   page.figure("processor", known(processor));
   page.figure("governor", known(governor));
-  const std::string container = known(container_kind);
+  const std::string container = known(container_kind).text;
   page.figure("container", container.empty() ? "none, as far as one can see" : container);
 }
 
 // How a user is granted priority and memory: by whoever starts the container, or by a file that pam_limits reads at the login.
 std::string how_to_grant() {
   std::string text;
-  if (!known(container_kind).empty()) {
+  if (const Known container = known(container_kind); container.is_known && !container.text.empty()) {
     text = format("start the container with --cap-add SYS_NICE --ulimit rtprio=%d --ulimit memlock=-1\nor, where users log in: ",
                   wanted_priority);
   }
-  if (access(limits_file, F_OK) == 0)
-    text += std::string(limits_file) + " is there: log out and in again. If that does not help:\n";
-  const std::string user = user_name(geteuid());
+  const std::string user = user_name(geteuid()), file = "/etc/security/limits.d/forceserver-" + user + ".conf";
+  if (access(file.c_str(), F_OK) == 0) text += file + " is there: log out and in again. If that does not help:\n";
   text += "printf '%s\\n'";
   for (const std::string& grant : {format("rtprio %d", wanted_priority), std::string("memlock unlimited")}) {
     text += " '" + user + " - " + grant + "'";
   }
-  return text + " | sudo tee " + limits_file +
-         format("\nthen log out and in again; the unit of a service says instead: LimitRTPRIO=%d, LimitMEMLOCK=64M",
+  return text + " | sudo tee " + file +
+         format("\nthen log out and in again; the unit of a service says instead: LimitRTPRIO=%d, LimitMEMLOCK=infinity",
                 wanted_priority);
 }
 
@@ -137,11 +139,11 @@ void tell_devices(DoctorPage& page) {
   std::string text;
   for (const std::string& line : lines) text += (text.empty() ? "" : "\n") + line;
   page.figure("drivers", text.empty() ? "none" : text, told);
-  const std::string found_devices = known([&] {
+  const Known found_devices = known([&] {
     for (const fs_device_entry& entry : forceserver::device_list()) uris.push_back(entry.uri);
     return join(uris, "none");
   });
-  page.figure("devices", found_devices, uris);
+  page.figure("devices", found_devices.text, uris);
   const Bus bus = look_at_bus();
   text.clear();
   for (const SeenDevice& seen : bus.seen) {
@@ -183,27 +185,27 @@ void tell_servers(DoctorPage& page) {
   }
 }
 
-// The folder in which calibrations are kept, or the nearest folder above it that is there.
+// The folder in which calibrations are kept; "": this user has no home.
 std::string config_folder() {
   const char* const config = std::getenv("XDG_CONFIG_HOME");
-  if (config && *config == '/') return config;
+  if (config && *config == '/') return config + std::string("/forceserver");
   const char* home = std::getenv("HOME");
   if (!home || *home != '/') {
     const passwd* const entry = getpwuid(getuid());
     home = entry ? entry->pw_dir : nullptr;
   }
   if (!home || *home != '/') return "";
-  return std::string(home) + "/.config";
+  return std::string(home) + "/.config/forceserver";
 }
 
 void tell_home(DoctorPage& page) {
   const std::string folder = config_folder();
-  const char* const cure = "export HOME=FOLDER, where FOLDER is one that this user may write to";
+  const char* const cure = "export XDG_CONFIG_HOME=FOLDER, where FOLDER is one that this user may write to";
   if (folder.empty()) {
-    page.figure("home", "none: HOME is not set, and the system knows no home of this user");
+    page.figure("home", "none: neither XDG_CONFIG_HOME nor HOME is set, and the system knows no home of this user");
     return page.better("this user has no home: the calibration of a device cannot be kept", cure);
   }
-  std::filesystem::path there = folder;
+  std::filesystem::path there = folder;  // or the nearest folder above it that is there
   std::error_code none;
   while (!std::filesystem::exists(there, none) && there.has_relative_path()) there = there.parent_path();
   const bool may_write = access(there.c_str(), W_OK) == 0;
@@ -271,7 +273,8 @@ void tell_lateness(DoctorPage& page, double seconds) {
   try {
     found = measure_lateness(seconds);
   } catch (const std::exception& error) {
-    page.wrong(std::string("a servo cannot be started: ") + error.what(), "cure what else is wrong first");
+    page.wrong(std::string("a servo cannot be started: ") + error.what(),
+               "cure what else is wrong first; if that is nothing, send this page in a report");
     throw;
   }
   const fs_servo_stats& stats = found.stats;
@@ -298,12 +301,13 @@ void tell_lateness(DoctorPage& page, double seconds) {
              stats.realtime < FS_REALTIME_FIFO ? "grant a real-time priority as above, then try again"
                                                : "end other programs, keep the processor at its full frequency "
                                                  "(sudo cpupower frequency-set -g performance), or install a real-time kernel "
-                                                 "(Debian: sudo apt install linux-image-rt-amd64)");
+                                                 "(Debian: sudo apt install " +
+                                                     std::string(real_time_kernel) + ")");
 }
 
 void look_at_governor(DoctorPage& page) {
-  const std::string found = known(governor);
-  if (found == "performance" || found.starts_with("not known")) return;
+  const auto [found, is_known] = known(governor);
+  if (!is_known || found == "performance") return;
   page.better("the frequency of the processor follows its load (governor " + found + "), so a servo may wake late",
               "sudo cpupower frequency-set -g performance");
 }

@@ -4,6 +4,7 @@
 #include <exception>
 
 #include "json.h"
+#include "words.h"
 
 class DoctorPage {
  public:
@@ -20,6 +21,7 @@ class DoctorPage {
   }
 
   void figure(const std::string& label, const std::string& text);                    // JSON: the text
+  void figure(const std::string& label, const Known& told) { figure(label, told.text); }
   void figure(const std::string& label, const std::string& text, const Json& value);  // JSON: the value
 
   // Something is wrong, or could be better. cure: the command that cures it, or what to do.

@@ -18,12 +18,11 @@
 namespace {
 
 constexpr double rate_of_servo = 1000;  // Hz
-constexpr int priority_of_servo = 80;  // that of a servo, unless its options say otherwise
 
 // Asks for what a servo asks for (fs_servo_options.priority).
 void ask_for_priority() {
   sched_param parameter{};
-  parameter.sched_priority = priority_of_servo;
+  parameter.sched_priority = servo_priority;
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) == 0) return;
   prctl(PR_SET_TIMERSLACK, 1UL);
   setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), -15);

@@ -3,6 +3,8 @@
 
 #include <forceserver/forceserver.h>
 
+constexpr int servo_priority = 80;  // what a servo asks for, unless its options say otherwise
+
 struct Late {
   double p50, p99, most;  // s, from the time at which a thread wanted to wake to when it did
 };

@@ -1,4 +1,4 @@
-// The force-servers of this machine, without connecting to them.
+// The force-servers of this machine, without joining them.
 #pragma once
 
 #include <cstdint>

@@ -102,9 +102,9 @@ std::string preemption() {
   if (version.find("PREEMPT_DYNAMIC") == version.npos) {
     return version.find("PREEMPT") != version.npos ? "full (PREEMPT)" : "none or voluntary";
   }
-  const std::string models = known([] { return text_of("/sys/kernel/debug/sched/preempt"); });  // "none (voluntary) full"
+  const auto [models, is_known] = known([] { return text_of("/sys/kernel/debug/sched/preempt"); });  // "none (voluntary) full"
   const std::size_t begin = models.find('('), end = models.find(')');
-  if (begin != models.npos && end != models.npos && !models.starts_with("not known")) {
+  if (is_known && begin != models.npos && end != models.npos) {
     return models.substr(begin + 1, end - begin - 1) + " (PREEMPT_DYNAMIC)";
   }
   return "as the kernel was started (PREEMPT_DYNAMIC); " + models;

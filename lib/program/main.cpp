@@ -135,7 +135,7 @@ const char* const doctor_help = R"(examples:
       one JSON document, in SI units
 
 For each thing that is wrong the page says what is wrong, and the command that cures it. It changes nothing, opens no device and
-connects to no server. It needs no root; what this user may not see it calls not known. The page names the user, the servers and
+joins no server. It needs no root; what this user may not see it calls not known. The page names the user, the servers and
 the serial numbers of haptic devices on the USB: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
 something is, 2 when the page could not be made.)";
 
@@ -198,11 +198,6 @@ void need(const std::string& value, const char* sentence) {
   if (value.empty()) throw std::runtime_error(sentence);
 }
 
-void require_once(const char* command, const std::string& first, const std::string& second) {
-  if (first.empty() || second.empty()) return;
-  throw std::runtime_error(command + std::string(": the scene is given twice: '") + first + "' and '" + second + "'");
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -225,17 +220,15 @@ int main(int argc, char** argv) {
   app.footer(
       "Each command has its own help with examples: forceserver run --help\n"
       "Exit status: 0 all is well; 1 something is odd or wrong (check, doctor, test-device, hello-device), a fault\n"
-      "happened (run) or the server has gone (clients, watch, stop, resume); 2 the command failed");
+      "happened or the hand chattered (run), the server has gone (clients, watch, stop, resume) or you have given up\n"
+      "(calibrate); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
   auto run_option = [&](const char* name, auto& value, const char* type, const char* help) {
     return run_command->add_option(name, value, help)->type_name(type);
   };
-  std::string scene_option;  // the older form: --scene FILE instead of the word alone
-  const char* const scene_help = "The scene, a .json file; without it nothing is felt";
-  run_option("scene", run_options.scene, "", scene_help);
-  run_option("--scene", scene_option, "FILE", "The scene file, as an option");
+  run_option("scene", run_options.scene, "", "The scene, a .json file; without it nothing is felt");
   run_option("--device", run_options.device, "URI", "The device; see `forceserver devices`")->capture_default_str();
   const char* const driver_help = "First load this shared library with a device driver (driver.h)";
   run_option("--driver", run_options.driver, "FILE", driver_help);
@@ -283,7 +276,7 @@ int main(int argc, char** argv) {
   stop_command->footer(stop_help);
 
   std::string resumed;
-  CLI::App* resume_command = app.add_subcommand("resume", "Let the force of a server return that a client has ended");
+  CLI::App* resume_command = app.add_subcommand("resume", "Let the force of a server return after a client has stopped it");
   resume_command->add_option("server", resumed, server_help)->type_name("");
   resume_command->footer(resume_help);
 
@@ -306,8 +299,6 @@ int main(int argc, char** argv) {
   evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
       ->type_name("")
       ->capture_default_str();
-  evaluate_command->add_option("--scene", scene_option, "The scene; then the only argument is the file of positions")
-      ->type_name("FILE");
   evaluate_command->add_option("--object", evaluate_options.object, "Only the forces of this object; without it of all")
       ->type_name("NAME");
   evaluate_command->add_option("--time", evaluate_options.time, "The time since the scene began")
@@ -388,11 +379,7 @@ int main(int argc, char** argv) {
     if (is_for_shell) return complete(app, {argv + 2, argv + argc});
     require_command(app, argc, argv);
     app.parse(argc, argv);
-    if (*run_command) {
-      require_once("run", run_options.scene, scene_option);
-      if (!scene_option.empty()) run_options.scene = scene_option;
-      return run(run_options);
-    }
+    if (*run_command) return run(run_options);
     if (*clients_command) {
       need(clients_options.server, "clients needs a server, such as: forceserver clients lab");
       return clients(clients_options);
@@ -414,11 +401,6 @@ int main(int argc, char** argv) {
       return check(check_options);
     }
     if (*evaluate_command) {
-      if (!scene_option.empty()) {  // then the word that stands alone is the file of positions
-        if (evaluate_command->count("positions") > 0) require_once("evaluate", evaluate_options.scene, scene_option);
-        if (!evaluate_options.scene.empty()) evaluate_options.input = evaluate_options.scene;
-        evaluate_options.scene = scene_option;
-      }
       need(evaluate_options.scene, "evaluate needs a scene, such as: forceserver evaluate room.json points.csv");
       return evaluate(evaluate_options);
     }

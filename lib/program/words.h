@@ -22,12 +22,16 @@ std::string milliseconds(double seconds);  // "0.022 ms", in at most three digit
 // Flushes what was printed. Returns false when the reader of a pipe has gone.
 bool write_out();
 
-// What f returns, or why that is not known.
-std::string known(auto&& f) {
+// What a function returned, or why that is not known.
+struct Known {
+  std::string text;
+  bool is_known;
+};
+Known known(auto&& f) {
   try {
-    return f();
+    return {f(), true};
   } catch (const std::exception& error) {
-    return std::string("not known: ") + error.what();
+    return {std::string("not known: ") + error.what(), false};
   }
 }
 

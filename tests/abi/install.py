@@ -6,7 +6,6 @@ install.py BUILD_FOLDER CMAKE GENERATOR C_COMPILER CXX_COMPILER LIBRARY_FOLDER
 import os
 import pathlib
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -111,12 +110,8 @@ with tempfile.TemporaryDirectory() as temporary:
             sys.exit(1)
 
     libraries = prefix / library_folder
-    pkg_config = shutil.which("pkg-config")
-    if not pkg_config:
-        print("pkg-config is missing; not tried")
-        sys.exit(0)
     environment = dict(os.environ, PKG_CONFIG_PATH=str(libraries / "pkgconfig"), LD_LIBRARY_PATH=str(libraries))
-    flags = run(pkg_config, "--cflags", "--libs", "forceserver", env=environment).split()
+    flags = run("pkg-config", "--cflags", "--libs", "forceserver", env=environment).split()
     for compiler, source in [([c, "-std=c99"], "user.c"), ([cxx, "-std=c++20"], "user.cpp")]:
         run(*compiler, user / source, *flags, "-o", user / "by_pkg_config")
         run(user / "by_pkg_config", env=environment)

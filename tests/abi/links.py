@@ -8,7 +8,9 @@ import re
 import sys
 
 root = pathlib.Path(sys.argv[1]).resolve()
-NOT_OURS = re.compile(r"build.*|node_modules|\.(?!github$).+")  # folders whose pages are not of the repository
+sys.path.insert(0, str(root / "bindings/description"))
+from pages import pages
+
 LARGEST = {".png": 300e3, ".gif": 2e6}  # bytes
 failures = links = 0
 
@@ -45,16 +47,8 @@ def anchors(page):
     return found
 
 
-def pages_in(folder):
-    for path in sorted(folder.iterdir()):
-        if path.is_dir() and not path.is_symlink() and not NOT_OURS.fullmatch(path.name):
-            yield from pages_in(path)
-        elif path.suffix == ".md":
-            yield path
-
-
-pages = list(pages_in(root))
-for page in pages:
+looked_at = list(pages(root))
+for page in looked_at:
     text = re.sub(r"(`+)(?!`).*?(?<!`)\1(?!`)", "", "\n".join(prose(page)), flags=re.S)
     targets = re.findall(r"\]\(\s*<?([^)>\s]*)>?(?:\s+\"[^\"]*\")?\s*\)", text)
     targets += re.findall(r"(?m)^ {0,3}\[[^\]]+\]:\s*<?([^>\s]+)", text) + re.findall(r"(?:href|src)=\"([^\"]+)\"", text)
@@ -73,7 +67,7 @@ for page in pages:
             there = there / "README.md"
         if anchor and (there.suffix != ".md" or anchor not in anchors(there)):
             fail(page, f"there is no heading for {target}")
-if len(pages) < 2 or not links:
+if len(looked_at) < 2 or not links:
     fail(root / "README.md", "no links were found: the test does not see the pages")
-print(f"{len(pages)} pages, {links} links, {failures} failures")
+print(f"{len(looked_at)} pages, {links} links, {failures} failures")
 sys.exit(failures > 0)

@@ -2,9 +2,12 @@
 its headers (include), the layout of its structs (layout.c), the functions that its library showed with their version nodes
 (symbols), the types of these functions as the debug information has them (types.abi), and some of its programs (programs).
 
-released.py keep NM LIBRARY    writes the folder of the version of today's headers. LIBRARY: forceserver_described
+released.py keep [--again] [LIBRARY]
+                               writes the folder of the version of today's headers; with --again also where it is there. LIBRARY:
+                               forceserver_described, without it that of build/release
 released.py headers C_COMPILER compares today's headers with those that are kept: nothing is gone, nothing means something else
-released.py symbols NM LIBRARY each function that a version showed is shown today, with the same version node
+released.py symbols NM LIBRARY each function that a version showed is shown today, with the same version node, and its nodes
+                               have no function more
 released.py types LIBRARY      the functions still have their types, in the library itself. LIBRARY: forceserver_described
 released.py programs C_COMPILER CXX_COMPILER FOLDER LIBRARY
                                the kept programs, built with the kept headers, run with today's library
@@ -21,6 +24,7 @@ import xml.etree.ElementTree as ElementTree
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 INCLUDE = ROOT / "include"
 RELEASED = pathlib.Path(__file__).with_name("released")
+DESCRIBED = ROOT / "build/release/tests/abi/libforceserver_described.so"
 sys.path[:0] = [str(ROOT / "bindings/description")]
 import description
 import versions
@@ -119,7 +123,7 @@ def headers(compiler):
     version = f"{constants['FS_VERSION_MAJOR']}.{constants['FS_VERSION_MINOR']}"
     if not (RELEASED / version).is_dir():
         bad += 1
-        print(f"nothing is kept of version {version}: run released.py keep")
+        print(f"nothing is kept of version {version}: run python3 tests/abi/released.py keep")
     return bad
 
 
@@ -138,6 +142,10 @@ def symbols(nm, library):
         for name in sorted(before - shown):
             bad += 1
             print(f"{folder.name} shows {name}, and this library does not")
+        nodes = {name.split("@@")[1] for name in before}
+        for name in sorted(name for name in shown - before if name.split("@@")[1] in nodes):
+            bad += 1
+            print(f"{name} was added to a node of {folder.name}, which is kept: name it in the node of the next release")
         print(f"{folder.name}: {len(before)} functions")
     return bad
 
@@ -239,15 +247,21 @@ def first_sizes():
 
 # ------------------------------------------------------------------------------------------------------------------ keep
 
-def keep(nm, library):
+def keep(*arguments):
+    (library,) = [argument for argument in arguments if argument != "--again"] or [DESCRIBED]
+    if not pathlib.Path(library).exists():
+        sys.exit(f"there is no {library}: build it, which needs abidw (Debian: abigail-tools)")
     described = description.load()
     constants = {constant["name"]: constant["value"] for constant in described["constants"]}
     folder = RELEASED / f"{constants['FS_VERSION_MAJOR']}.{constants['FS_VERSION_MINOR']}"
+    if folder.exists() and "--again" not in arguments:
+        sys.exit(f"{folder.name} is kept already, and what is released does not change (include/forceserver/versions.md). If it is "
+                 "not released yet: python3 tests/abi/released.py keep --again")
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "programs").mkdir(parents=True)
     shutil.copytree(INCLUDE / "forceserver", folder / "include/forceserver", ignore=shutil.ignore_patterns("*.md"))
     (folder / "layout.c").write_text(layout(described))
-    (folder / "symbols").write_text("".join(f"{name}\n" for name in sorted(symbols_of(nm, library))))
+    (folder / "symbols").write_text("".join(f"{name}\n" for name in sorted(symbols_of("nm", library))))
     write_types(library, folder / "types.abi")
     for source in PROGRAMS:
         name = pathlib.Path(source).name

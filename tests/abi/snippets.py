@@ -1,12 +1,14 @@
 """Every piece of code on every page (*.md) and in the comments of the headers is compiled or run by a test: by this one, or by
 one that is named here. A piece that nobody checks is a failure.
 
-- c, cpp, cmake: a whole program is compiled, linked and run; what is no whole program is compiled, and run where it makes its own
+- c, cpp: a whole program is compiled, linked and run; what is no whole program is compiled, and run where it makes its own
   scene. Programs of other libraries, "not tried here", are only counted.
 - json: `forceserver check` takes a scene; anything else must be JSON.
 - sh, and commands that are indented: bash takes them; the programs of this project are called by commands and options that
   they have, and scripts and files of the repository are there.
-- python, java: the tests named below run them.
+- python, java, cmake: the tests named below run them.
+- Indented text that begins with none of the commands below is taken for a picture or output, and only counted, unless two of its
+  lines end with a semicolon or one begins with "$ ".
 
 snippets.py ROOT BUILD_FOLDER C_COMPILER CXX_COMPILER
 """
@@ -23,12 +25,15 @@ import textwrap
 
 root, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 c, cxx = sys.argv[3:5]
+sys.path.insert(0, str(root / "bindings/description"))
+import comments
+from pages import pages
+
 INCLUDE = root / "include"
-NOT_OURS = re.compile(r"build.*|node_modules|\..+")  # folders whose pages are not of the project
 PROGRAMS = {"forceserver": "lib/program/forceserver", "forceserver-bridge": "bindings/dds/forceserver-bridge",
             "fidel-controller": "device/fidel-controller"}
 
-# Who runs the pieces in Python and Java: the test, and what it says of the page.
+# Who runs the pieces in Python, Java and CMake: the test, and what it says of the page.
 ELSEWHERE = {
     ("README.md", "python"): ("tests/bindings/python/test_package.py", '"README.md"'),
     ("bindings/python/README.md", "python"): ("tests/bindings/python/test_package.py", '"bindings/python/README.md"'),
@@ -36,6 +41,7 @@ ELSEWHERE = {
     ("examples/recipes/README.md", "c"): ("tests/examples/recipes.py", "README.md"),
     ("examples/testbed/virtualrobot/README.md", "python"): ("tests/examples/testbed/test_live.py", '"virtualrobot" / "README.md"'),
     ("bindings/java/README.md", "java"): ("tests/bindings/run_java", "bindings/java/README.md"),
+    ("include/forceserver/README.md", "cmake"): ("tests/abi/install.py", 'block(PAGE, "cmake", "cmake_minimum_required")'),
 }
 
 # What is there before a piece of C that is no whole program.
@@ -74,14 +80,6 @@ def run(where, *command, **options):
     if done.returncode:
         fail(where, f"{pathlib.Path(command[0]).name} ended with {done.returncode}: {done.stdout}{done.stderr}")
     return done.stdout
-
-
-def pages(folder):
-    for path in sorted(folder.iterdir()):
-        if path.is_dir() and not path.is_symlink() and not NOT_OURS.fullmatch(path.name):
-            yield from pages(path)
-        elif path.suffix == ".md":
-            yield path
 
 
 def pieces(page):
@@ -248,11 +246,6 @@ with tempfile.TemporaryDirectory() as temporary:
                     counts["of other libraries, not tried"] += 1
                 else:
                     compile_c(where, text, "int main(" in text, folder, language)
-            elif language == "cmake":
-                of_install = 'block(PAGE, "cmake", "cmake_minimum_required")' in (root / "tests/abi/install.py").read_text()
-                if "cmake_minimum_required" not in text or not of_install:
-                    fail(where, "nobody checks it")
-                counts["cmake: tests/abi/install.py"] += 1
             elif language == "json":
                 check_json(where, text)
             elif language == "console":  # a command behind "$ ", and what it prints
@@ -268,6 +261,8 @@ with tempfile.TemporaryDirectory() as temporary:
                     counts["python: compiled"] += 1
                 elif text.lstrip().startswith("{") and text.rstrip().endswith("}"):
                     check_json(where, text)
+                elif re.search(r"(?ms);$.*;$|^\$ ", text):
+                    fail(where, "nobody checks this code")
                 else:
                     counts["pictures, output and formulas"] += 1
             elif language in ("text", "{toctree}", "{eval-rst}"):
@@ -276,9 +271,6 @@ with tempfile.TemporaryDirectory() as temporary:
                 fail(where, f"nobody checks code in the language '{language}'")
 
     # The comments of the headers: what is indented and has statements or JSON. Remarks stand behind a statement.
-    sys.path.insert(0, str(root / "bindings/description"))
-    import comments
-
     for header in sorted((INCLUDE / "forceserver").glob("*.h")):
         text_of = header.read_text()
         for start, _, comment in comments.of_header(header):
@@ -300,5 +292,7 @@ for kind, count in sorted(counts.items()):
 for kind in ("c: compiled", "c: compiled and run", "json", "commands of the programs", "in headers"):
     if not counts[kind]:
         fail("snippets.py", f"it found none of: {kind}")
+if counts["cmake: tests/abi/install.py"] != 1:
+    fail("snippets.py", "tests/abi/install.py takes one block of CMake only")
 print(f"{failures} failures")
 sys.exit(failures > 0)

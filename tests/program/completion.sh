@@ -11,11 +11,17 @@ fail() {
   echo "FAILED: $*"
   failures=$((failures + 1))
 }
-touch "a scene.json" another.json
+touch "a scene.json" another.json part:two.json
 
 # offered WORD...: what bash offers in place of the last word.
 offered() {
-  COMP_WORDS=("$program" "$@") COMP_CWORD=$#
+  local word
+  COMP_WORDS=("$program") COMP_LINE="$program $*"
+  for word; do  # bash divides them at : and =, too
+    [ -n "$word" ] || COMP_WORDS+=("")
+    mapfile -t -O ${#COMP_WORDS[@]} COMP_WORDS < <(grep -oE '[:=]|[^:=]+' <<< "$word")
+  done
+  COMP_CWORD=$((${#COMP_WORDS[@]} - 1))
   COMPREPLY=()
   _forceserver "$program"
   printf '%s\n' ${COMPREPLY[@]+"${COMPREPLY[@]}"}
@@ -27,6 +33,7 @@ in_zsh() {
     autoload -Uz _forceserver
     _describe() { print -lr -- "${(@P)argv[-1]}"; }
     _files() { print -lr -- *; }
+    compset() { }
     words=("${@[2,-1]}") CURRENT=$#words
     _forceserver' zsh "$folder/site-functions" "$program" "$@"
 }
@@ -62,13 +69,21 @@ offers offered another.json run another
 offers offered another.json run --duration 1 another
 offers offered another.json evaluate x.json another
 offers offered another.json run --record another
-offers offered another.json run --record = another
+offers offered another.json run --record=another
+offers offered $'a scene.json\nanother.json' run --record=a
+offers offered another.json run --device sim:?hand=firm another
+offers offered another.json run --device=sim:?hand=firm another
+offers offered another.json evaluate --nonsense x.json another
+offers offered two.json run part:t
+offers offered two.json run --record=part:t
 offers offered "" run --duration ""
 offers offered "" run x.json ""
 offers offered "$name" watch "${name%?}"
 offers offered "$name" clients --json "${name%?}"
 offers offered sim: run --device s
-offers offered sim: run --device = s
+offers offered sim: run --device=s
+offers offered "" run --device sim:
+offers offered "" run --device sim:ro
 offers offered "" nonsense ""
 offers offered "" watch "$name" ""
 
@@ -80,9 +95,12 @@ if command -v zsh > /dev/null; then
   offers in_zsh "clients:List who is connected to a server" cl
   offers in_zsh '--listen:Let other programs connect; NAME lab is the endpoint shm:lab' run --li
   offers in_zsh 'sim\:' run --device s
+  offers in_zsh 'sim\:' run --device=s
   offers in_zsh "$name" watch "${name%?}"
   in_zsh run "" > found
   grep -qFx "a scene.json" found || fail "zsh offers no files"
+  in_zsh run --device=sim: "" > found
+  grep -qFx "a scene.json" found || fail "zsh offers no files after an option with its value"
   offers in_zsh "" run --duration ""
 fi
 kill -INT $server

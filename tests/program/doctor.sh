@@ -101,7 +101,8 @@ bare=(prlimit --memlock=0 --rtprio=0 --)
 locked=', locked memory, '
 [ $sanitized = no ] || locked=  # a sanitizer locks no memory, and says that it did
 expect 1 "^WRONG   the system refuses a servo a real-time priority, .*$locked" "${bare[@]}" "${doctor[@]}"
-also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' \| sudo tee /etc/security/limits.d/"
+also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' \| sudo tee /etc/security/limits.d/forceserver-$(id -un).conf$"
+also '; the unit of a service says instead: LimitRTPRIO=90, LimitMEMLOCK=infinity$'
 also '^    granted +(none|nice)$'
 
 (ulimit -n 100; exec "${doctor[@]}" > few 2>&1)
@@ -123,27 +124,34 @@ if "$refuse_calls" EPERM memfd_create true; then
   also '^    end of processes +pidfd_open is refused: Operation not permitted$'
   also '^better  the system refuses pidfd_open'
   also '^  cure  .*seccomp'
+  if [ $sanitized = no ]; then  # a sanitizer itself needs a thread
+    expect 1 '^WRONG   a servo cannot be started: ' "$refuse_calls" EPERM clone "${doctor[@]}"
+    also '^  cure  cure what else is wrong first; if that is nothing, send this page in a report$'
+  fi
 fi
 
-# Machines that are imitated in a name space of one's own. within SETUP: the page of a machine that these lines of the shell arrange.
+# Machines that are imitated in a name space of one's own, in which everybody is root. within SETUP: the page of a machine that
+# these lines of the shell arrange.
+unshare=(unshare --mount)
+[ "$(id -u)" = 0 ] || unshare+=(--map-root-user)
 within() {
   echo "mount --make-rprivate / || exit 77; $1" > setup
   # shellcheck disable=SC2016  # of the inner shell
-  unshare --mount sh -c '. ./setup; exec "$@"' sh "${doctor[@]}" > output 2>&1 < /dev/null
+  "${unshare[@]}" sh -c '. ./setup; exec "$@"' sh "${doctor[@]}" > output 2>&1 < /dev/null
 }
-if unshare --mount sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2> /dev/null; then
+if "${unshare[@]}" sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2> /dev/null; then
   if [ $sanitized = no ]; then  # a sanitizer itself needs /proc
     within 'mount -t tmpfs none /proc'
     also '^    processor +not known: /proc/cpuinfo: '
     also '^    not known +/proc/net/unix cannot be read$'
     also '^verdict: '
   fi
-  within 'mount -t tmpfs none /dev; mknod /dev/null c 1 3'
+  within 'touch null && mount --bind /dev/null null && mount -t tmpfs none /dev && touch /dev/null && mount --bind null /dev/null'
   also '^    /dev/shm +not there: No such file or directory; forceserver does without$'
-  within 'mount -t tmpfs none /run && mkdir -p /run/user/$(id -u) &&
-    python3 -c "import os, socket; socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET).bind(\"/run/user/%d/.forceserver-old\" % os.getuid())"'
-  also "^better  a server that was killed has left /run/user/$(id -u)/.forceserver-old; "
-  also "^  cure  rm '/run/user/$(id -u)/.forceserver-old'$"
+  within 'mount -t tmpfs none /run && mkdir -p /run/user/0 &&
+    python3 -c "import socket; socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET).bind(\"/run/user/0/.forceserver-old\")"'
+  also "^better  a server that was killed has left /run/user/0/.forceserver-old; "
+  also "^  cure  rm '/run/user/0/.forceserver-old'$"
   # Control groups of version 2: the limit of the outer group counts, as less is left there.
   within 'mount -t tmpfs none /sys/fs/cgroup && mkdir -p /sys/fs/cgroup/outer/inner && cd /sys/fs/cgroup/outer &&
     echo 100000000 > memory.max && echo 90000000 > memory.current && echo "50000 100000" > cpu.max &&
@@ -161,8 +169,27 @@ if unshare --mount sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2
   also '^    udev rule +(/etc|/run)/udev/rules.d/60-forceserver.rules$'
   if [ "$(id -u)" = 0 ] && setpriv --reuid=4242 test -x "$program" 2> /dev/null; then
     expect '[01]' '^better  this user has no home: ' setpriv --reuid=4242 --regid=4242 --clear-groups env -u HOME -u XDG_CONFIG_HOME "${doctor[@]}"
-    also '^    home +none: HOME is not set'
+    also '^    home +none: neither XDG_CONFIG_HOME nor HOME is set'
   fi
+  if [ ! -e /.dockerenv ]; then  # a file that cannot be read makes no container
+    within 'mount -t tmpfs none /run && mkdir /run/systemd &&
+      python3 -c "import socket; socket.socket(socket.AF_UNIX).bind(\"/run/systemd/container\")"; unset container
+      set -- prlimit --memlock=0 --rtprio=0 -- setpriv --bounding-set=-all --inh-caps=-all "$@"'
+    also '^    container +not known: /run/systemd/container: '
+    also '^  cure  printf'
+    grep -q 'start the container' output && fail "a container that is not known counts as one"
+  fi
+else
+  echo "machines that are imitated: not tried, there is no name space"
+fi
+
+# A folder of calibrations that belongs to root, as after a first sudo, within one of the user.
+if [ "$(id -u)" = 0 ] && setpriv --reuid=4242 test -x "$program" 2> /dev/null; then
+  mkdir -p config/forceserver
+  chown 4242 config
+  expect '[01]' "^better  calibrations are kept in $folder/config/forceserver, which this user may not write to$" \
+    setpriv --reuid=4242 --regid=4242 --clear-groups env XDG_CONFIG_HOME="$folder/config" "${doctor[@]}"
+  also '^  cure  export XDG_CONFIG_HOME=FOLDER, '
 fi
 
 echo "$failures failures"

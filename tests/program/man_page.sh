@@ -34,7 +34,8 @@ for command in "" $commands; do
     shows "^       $option( |$)"
   done
 done
-if [ -n "$commands" ]; then
+if [[ $program == *forceserver ]]; then
+  [ "$(wc -w <<< "$commands")" -ge 13 ] || fail "the help shows $(wc -w <<< "$commands") commands"
   shows '^EXIT STATUS$'
   shows '^       forceserver run room\.json$'
   shows '^              the scene with a simulated device and hand, until Ctrl-C$'

@@ -170,7 +170,6 @@ expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --hel
 expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run --duraton 1
 expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run "$scene" --duraton=1
 expect 2 '^forceserver: run has no option --listn; did you mean --listen\?$' "$program" run --listn lab --duration 1
-expect 2 '^forceserver: run has no option --scen; did you mean --scene\?$' "$program" run --scen "$scene"
 expect 2 '^forceserver: run has no option -d; see: forceserver run --help$' "$program" run -d 1
 expect 2 '^forceserver: clients has no option --jsn; did you mean --json\?$' "$program" clients --jsn
 expect 2 '^forceserver: watch has no option --inteval; did you mean --interval\?$' "$program" watch lab --inteval 5
@@ -181,7 +180,6 @@ expect 2 '^forceserver: there is no option --versoin; did you mean --version\?$'
 expect 2 "^forceserver: run takes no 'b.json' after 'a.json'$" "$program" run a.json b.json
 expect 2 "^forceserver: watch takes no 'other' after 'lab'$" "$program" watch lab other
 expect 2 "^forceserver: devices takes no 'sim:'$" "$program" devices sim:
-expect 2 "^forceserver: run: the scene is given twice: 'a.json' and 'b.json'$" "$program" run a.json --scene b.json
 expect 2 '^forceserver: watch needs a server, such as: forceserver watch lab$' "$program" watch
 expect 2 '^forceserver: check needs a file, such as: forceserver check room.json$' "$program" check
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
@@ -223,7 +221,6 @@ expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
   { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
-expect 2 '^forceserver: .*no-such\.json' "$program" run --scene no-such.json --duration 1
 expect 2 '^forceserver: .*no-such' "$program" run --device no-such: --duration 1
 expect 2 '^forceserver: cannot write no/folder/ticks.csv: ' "$program" run --duration 1 --record no/folder/ticks.csv
 if [ -w /dev/full ]; then
@@ -251,36 +248,35 @@ expect 2 '^forceserver: .*zero: is a device, must be a file$' "$program" run --d
 # evaluate: the floor of the scene is at z = -0.05 with 800 N/m.
 printf 'x y z\n# a comment\n0 0 -0.06   # 10 mm deep\n\n0,0,-0.055\r\n' > points
 expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" points --object floor
-expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate --scene "$scene" --object floor points
-expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate points --scene "$scene" --object floor
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" --object floor points
 input=points expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" --object floor
-input=points expect 0 '^0,0,-0\.059999999999999998,0,0,(8|7\.99999)' "$program" evaluate --scene "$scene" --object floor
+input=points expect 0 '^0,0,-0\.059999999999999998,0,0,(8|7\.99999)' "$program" evaluate "$scene" --object floor
 seq 1 20000 | awk '{ print $1 * 1e-6, 0.05, 0.05 }' > many
-"$program" evaluate --scene "$scene" --time 0.4 many > first
-"$program" evaluate --scene "$scene" --time 0.4 < many > second
+"$program" evaluate "$scene" --time 0.4 many > first
+"$program" evaluate "$scene" --time 0.4 < many > second
 cmp first second || failures=$((failures + 1))
 [ "$(wc -l < first)" = 20001 ] || { echo "FAILED: lines are missing"; failures=$((failures + 1)); }
-"$program" evaluate --scene "$scene" --time 0.5 many | cmp -s - first && {
+"$program" evaluate "$scene" --time 0.5 many | cmp -s - first && {
   echo "FAILED: the pulse does not depend on time"
   failures=$((failures + 1))
 }
 printf '0 0 0\n0 0 0 0\n' > four
-expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
+expect 2 'four, line 2: .*three' "$program" evaluate "$scene" four
 printf '0 0 0\n0 0 nan\n' > number
-expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+expect 2 'line 2: ' "$program" evaluate "$scene" number
 printf '+0 -0 +0.1\n' > number
-expect 0 '^0,0,0\.1' "$program" evaluate --scene "$scene" number  # no -0
+expect 0 '^0,0,0\.1' "$program" evaluate "$scene" number  # no -0
 printf '0 0 x\n1 2\n' > number
-input=number expect 2 '^forceserver: standard input, line 1: ' "$program" evaluate --scene "$scene"
+input=number expect 2 '^forceserver: standard input, line 1: ' "$program" evaluate "$scene"
 for signs in +- -+ ++ --; do
   printf '0 0 0\n0 0 %s5\n' $signs > number
-  expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+  expect 2 'line 2: ' "$program" evaluate "$scene" number
 done
-expect 2 'no-object' "$program" evaluate --scene "$scene" --object no-object points
+expect 2 'no-object' "$program" evaluate "$scene" --object no-object points
 grep -q '^x,y,z' output && { echo "FAILED: evaluate prints a header before an error"; failures=$((failures + 1)); }
 expect 0 '^x,y,z,fx,fy,fz$' "$program" evaluate "$scene" /dev/null
-expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
-[ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
+expect 2 'no-points' "$program" evaluate "$scene" no-points
+[ ! -w /dev/full ] || "$program" evaluate "$scene" many 2> output > /dev/full
 grep -q 'cannot write the forces' output || { echo "FAILED: a full disk is not noticed"; failures=$((failures + 1)); }
 
 printf 'v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0 0.1 0\nf 1 2 3\n' > sheet.obj
@@ -512,7 +508,7 @@ expect 2 '^forceserver: --client-force: force_limit is 30, ' "$program" run --li
 expect 2 '^forceserver: .*listen' "$program" run --locked --duration 1
 expect 2 '^forceserver: .*count' "$program" watch "$name" --count 0
 
-listen --scene "$scene" --device 'sim:?hold=0,0,-0.09' --locked --all-users --client-force 5
+listen "$scene" --device 'sim:?hold=0,0,-0.09' --locked --all-users --client-force 5
 expect 2 "$name" "$program" run --listen "shm:$name" --duration 1
 expect 0 "^server +$server +[^ ]+ +[1-9]" "$program" clients "$name"
 "$program" watch "$name" --interval 0.1 > watched 2>&1 &
@@ -601,7 +597,7 @@ ended $server 0 "run whose force was ended"
 printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
 echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "brief", "primitive": "point", "lifetime": 0.3,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}}]}' > brief.json
-listen --scene brief.json --device 'sim:?path=jump&hand=firm'
+listen brief.json --device 'sim:?path=jump&hand=firm'
 until_says '^the force stopped' "$program" watch "$name" --count 1
 expect 0 '^the force stopped \(.*\): the hand was above speed_limit, [0-9.]+ m/s$' "$program" watch "$name" --count 1
 expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --count 1
@@ -613,7 +609,7 @@ grep -q "^the force stopped: the hand was above speed_limit, [0-9.]* m/s; .force
 
 # Who shares what can be rendered, and with whom.
 echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a)"', '"$(wall_of b)"']}' > two.json
-listen --scene two.json
+listen two.json
 until_says '^server/a .* [0-9.]+ of 4000 +b$' "$program" watch "$name" --count 1
 "$program" watch "$name" --count 1 --json > looks.json
 json looks.json "assert [o['shares_with'] for o in d['objects'][:2]] == ['b', 'a']"

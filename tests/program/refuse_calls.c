@@ -1,5 +1,5 @@
-/* refuse_calls EPERM|ENOSYS CALL,.. COMMAND...: runs a command whose system calls of these names (memfd_create, pidfd_open) are
- * refused with this error, as by the seccomp filter of a container. Ends with 77 where the system has no such filters. */
+/* refuse_calls EPERM|ENOSYS CALL,.. COMMAND...: runs a command whose system calls of these names (memfd_create, pidfd_open, clone)
+ * are refused with this error, as by the seccomp filter of a container. Ends with 77 where the system has no such filters. */
 #include <errno.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
@@ -10,13 +10,14 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-static const struct { const char *name; unsigned number; } calls[] = {{"memfd_create", SYS_memfd_create}, {"pidfd_open", SYS_pidfd_open}};
+static const struct { const char *name; unsigned number; } calls[] = {
+  {"memfd_create", SYS_memfd_create}, {"pidfd_open", SYS_pidfd_open}, {"clone", SYS_clone}, {"clone", SYS_clone3}};
 
 int main(int count, char **words)
 {
   if (count < 4) return 2;
   const unsigned error = strcmp(words[1], "ENOSYS") == 0 ? ENOSYS : EPERM;
-  struct sock_filter filter[8] = {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr))};
+  struct sock_filter filter[10] = {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr))};
   unsigned short size = 1;
   for (size_t i = 0; i < sizeof calls / sizeof *calls; ++i) {
     if (!strstr(words[2], calls[i].name)) continue;

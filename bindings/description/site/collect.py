@@ -13,8 +13,10 @@ import shutil
 import sys
 
 here = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(here.parent))
+from pages import pages
+
 root, source = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
-NOT_OURS = re.compile(r"build.*|node_modules|\.(?!github$).+")  # folders whose pages are not of the project
 CODE = (r"(?ms)^ {0,3}(?P<fence>`{3,}|~{3,}).*?^ {0,3}(?P=fence)[`~]*$"  # within fences, indented, or within a paragraph
         r"|^ {4}.*?$|(?P<ticks>`+)(?!`)(?:(?!\n\s*\n).)+?(?<!`)(?P=ticks)(?!`)")
 JAVA = """# The Java classes
@@ -23,14 +25,6 @@ JAVA = """# The Java classes
 Java](../bindings/java/index.md) shows how it is used.
 """
 listed = set()
-
-
-def pages(folder):
-    for path in sorted(folder.iterdir()):
-        if path.is_dir() and not path.is_symlink() and not NOT_OURS.fullmatch(path.name):
-            yield from pages(path)
-        elif path.suffix == ".md" and path.parent != here:
-            yield path
 
 
 def in_site(path):
@@ -83,6 +77,8 @@ def rewritten(page):
 
 collected = []
 for page in pages(root):
+    if page.parent == here:
+        continue
     there = in_site(page)
     there.parent.mkdir(parents=True, exist_ok=True)
     there.write_text(rewritten(page))

@@ -1,15 +1,15 @@
 """The layers of the library: a file may include files of lower layers only, never of its neighbours or of higher ones.
 
-floors.py PROJECT_FOLDER
+layers.py PROJECT_FOLDER
 """
 import pathlib
 import re
 import sys
 
-# From the ground up. The public headers lie below all.
-FLOORS = [["base"], ["math", "ipc"], ["law", "shape", "driver"], ["field"], ["scene", "transfer"], ["budget"], ["file", "client", "servo"], ["server"],
+# From the lowest up. The public headers lie below all.
+LAYERS = [["base"], ["math", "ipc"], ["law", "shape", "driver"], ["field"], ["scene", "transfer"], ["budget"], ["file", "client", "servo"], ["server"],
           ["api"]]
-FLOOR = {folder: number for number, folders in enumerate(FLOORS) for folder in folders}
+LAYER = {folder: number for number, folders in enumerate(LAYERS) for folder in folders}
 # Those outside of it, with all that they may use beside the public headers and their own files.
 # Simulator and registration are in the library; the other devices are modules, and link only what is public: of base they include
 # headers that are complete.
@@ -33,8 +33,8 @@ def folder_of(path):
 
 def check(file):
     here = folder_of(file)
-    if here not in FLOOR and here not in OUTSIDE:
-        problems.append(f"{file}: lib/{here} stands on no floor")
+    if here not in LAYER and here not in OUTSIDE:
+        problems.append(f"{file}: lib/{here} is in no layer")
         return
     for number, line in enumerate(file.read_text().splitlines(), 1):
         match = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
@@ -61,7 +61,7 @@ def check(file):
         if here in OUTSIDE:
             good = there in OUTSIDE[here] or name in OUTSIDE[here]
         else:
-            good = there in FLOOR and FLOOR[there] < FLOOR[here]
+            good = there in LAYER and LAYER[there] < LAYER[here]
         if not good:
             problems.append(f"{place}: {here} may not include {there} ({name})")
 
