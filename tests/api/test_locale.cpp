@@ -54,6 +54,7 @@ START_TEST(files_are_the_same) {
   fs_object found = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
   OK(fs_object_get(loaded.get(), "wall", &found));
   ck_assert(found.pose.position.x == 0.5 && found.pose.position.y == -1.25 && found.pose.position.z == 3e-7);
+  fs_object_release(&found);
 }
 END_TEST
 
