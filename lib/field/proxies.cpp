@@ -127,7 +127,7 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
   touches_.restart(here);
   here.rests.begin(last ? &last->rests : nullptr, step_);
   for (Solid& solid : solids()) {
-    solid.sum = solid.rest = {};
+    solid.sum = {};
     solid.is_touched_at_all = solid.is_felt_at_all = false;
     solid.distance = never;
   }
@@ -208,6 +208,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     sum = {};
     if (effort) *effort = {.visits = effort_before.visits, .ways = effort->ways, .most = effort_before.most};
   }
+  add_rests(here.rests, out);
   feel_impacts(here, last, tool, out);
   here.do_layers_agree = do_layers_agree(here);
   for (uint32_t k = 0; last && k < tool.count; ++k) {
@@ -217,6 +218,26 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
   tell(here, what, tool, sum, out);
   solid_count_ = 0;
   if (views_left_ > 0) --views_left_;
+}
+
+// What is left of jumps. A force that has turned meanwhile would pass its limit with it: the sum of both is cut, which makes no step,
+// as a cut vector changes by no more than the vector.
+void Proxies::add_rests(Rests& rests, fs_response& out) noexcept {
+  for (Rests::Rest& rest : rests.all()) {
+    const auto all = solids();
+    auto solid = std::ranges::find(all, rest.version, &Solid::version);
+    if (solid == all.end()) solid = std::ranges::find(all, rest.version, &Solid::takes_over);
+    if (solid == all.end()) {  // out of reach, or gone
+      out.wrench = out.wrench + rest.wrench;
+      continue;
+    }
+    const Law& law = solid->object->law;
+    const double profiles = law.support >= 0 ? std::max(law.limit(1), law.limit(-1)) : 0;
+    const double limit = std::max(solid->weight * (solid->object->contact.limit + profiles), norm(solid->sum.force));
+    const Wrench whole = solid->sum + rest.wrench, cut = part_within(limit, norm(whole.force)) * whole;
+    rest.wrench = cut + -1.0 * solid->sum;
+    solid->sum = cut;
+  }
 }
 
 // The points that touch solids whose surfaces have impacts, each once whatever the layers, and what they feel of these.
@@ -265,12 +286,6 @@ bool Proxies::was_free(const Touches::View* last, const Impacts::Source& source,
 }
 
 void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept {
-  for (const Rests::Rest& rest : here.rests.all()) {
-    out.wrench = out.wrench + rest.wrench;
-    for (Solid& solid : solids()) {
-      if (solid.version == rest.version) solid.rest = rest.wrench;
-    }
-  }
   if (what >= felt_.what) {
     felt_.what = what;
     felt_.count = 0;
@@ -278,13 +293,12 @@ void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& to
   for (const Solid& solid : solids()) {
     out.wrench = out.wrench + solid.sum;
     if (solid.is_touched_at_all) out.flags |= FS_RESPONSE_CONTACT;
-    const Wrench wrench = solid.sum + solid.rest;
-    if (wrench.force == Vec3{}) continue;
+    if (solid.sum.force == Vec3{}) continue;
     ++out.felt_count;
     if (solid.weight < 1) out.flags |= FS_RESPONSE_FADING;
     if (solid.is_bounded) out.flags |= FS_RESPONSE_CAPPED;
     if (what >= felt_.what && felt_.count < FeltSolids::size) {
-      felt_.felt[felt_.count++] = {solid.version, (1 / solid.weight) * wrench, solid.proxy, solid.distance};
+      felt_.felt[felt_.count++] = {solid.version, (1 / solid.weight) * solid.sum, solid.proxy, solid.distance};
     }
   }
   out.error_bound += sum.error;

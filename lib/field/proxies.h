@@ -84,6 +84,7 @@ class Proxies {
   bool choose_felt() noexcept;
   bool do_layers_agree(const Touches::View& view) const noexcept;
   bool was_free(const Touches::View* last, const Impacts::Source& source, uint32_t point) const noexcept;
+  void add_rests(Rests& rests, fs_response& out) noexcept;
   void feel_impacts(Touches::View& here, const Touches::View* last, const ToolState& tool, fs_response& out) noexcept;
   void tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept;
 

@@ -43,8 +43,7 @@ struct Solid {
   Wrench spring{}, damping{}, felt{};  // N, N m: of the contact's spring and damping, and of the profiles
   Mat3 stiffness{}, felt_stiffness{};  // N/m, of spring and profiles
   // The mean over the layers.
-  Wrench sum{};                 // N, N m
-  Wrench rest{};                // N, N m, what is left of jumps
+  Wrench sum{};                 // N, N m; then with what is left of jumps, and with impacts
   bool is_touched_at_all = false, is_felt_at_all = false;
   Vec3 proxy{};                 // m, of the nearest point,
   double distance = never;      // and how far that is

@@ -43,6 +43,7 @@ struct Rests {
   std::array<Rest, 16> rests;
 
   std::span<const Rest> all() const noexcept { return {rests.data(), count}; }
+  std::span<Rest> all() noexcept { return {rests.data(), count}; }
   // [rt] As it is `step` seconds after another tick; null: nothing is left.
   void begin(const Rests* last, double step) noexcept {
     count = 0;

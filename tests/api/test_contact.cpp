@@ -625,6 +625,29 @@ START_TEST(letting_go_is_no_step) {
 }
 END_TEST
 
+// What is left of a jump, and a force that has turned meanwhile, are together within the limit; and that is no step either.
+START_TEST(what_is_left_of_a_jump_stays_within_the_limit) {
+  Random random(12);
+  for (int round = 0; round < times(40, 400); ++round) {
+    Hand hand;
+    fs_contact contact = solid(random.coin() ? FS_KEEP_FRONT : FS_KEEP_BACK, 1000, 2);
+    contact.friction = random.coin() ? random.between(0.2, 2) : 0;
+    hand.mesh("box", box_mesh({0.02, 0.02, 0.02}), contact);
+    fs_vec3 phase = random.in_box(3), speed = {random.between(2, 5), random.between(2, 5), random.between(2, 5)};
+    fs_vec3 before{};
+    for (int i = 0; i < 2000; ++i) {
+      const double t = i * dt;
+      const fs_vec3 x = {std::sin(speed.x * t + phase.x), std::sin(speed.y * t + phase.y), std::sin(speed.z * t + phase.z)};
+      const fs_vec3 now = hand.go(0.03 * x);
+      ck_assert_double_le(norm(now), 2 * (1 + 1e-9));
+      // The way of a tick is at most 0.26 mm.
+      if (i > 0) ck_assert_double_lt(norm(now - before), 2 * 0.26 * (1 + contact.friction) + 2 * 2 * dt / 0.02);
+      before = now;
+    }
+  }
+}
+END_TEST
+
 // So is a jump of a profile's force, which acts at the proxy.
 START_TEST(a_profile_at_an_edge_is_no_step) {
   Hand hand;
@@ -1088,7 +1111,7 @@ int main() {
                              a_hand_that_begins_in_a_body_of_parts_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
                              limits_in_a_corner_make_no_energy, a_profile_beside_a_slope_makes_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
-                             letting_go_is_no_step, a_profile_at_an_edge_is_no_step});
+                             letting_go_is_no_step, what_is_left_of_a_jump_stays_within_the_limit, a_profile_at_an_edge_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
   add_case(suite, "motion", {moving_objects_push, a_crushed_hand_feels_each});

@@ -152,6 +152,29 @@ START_TEST(the_limit_is_that_of_the_whole) {
 }
 END_TEST
 
+// On a mesh friction may hold the proxy back across an edge.
+START_TEST(the_limit_is_that_of_the_whole_mesh) {
+  Random random(10);
+  const Shape box = make_mesh(box_mesh({0.02, 0.02, 0.02}));
+  for (int round = 0; round < times(30, 300); ++round) {
+    Hand hand;
+    Grid grid = noise(random);
+    grid.settings.static_friction = grid.settings.dynamic_friction = random.coin() ? random.between(0.3, 2) : 0;
+    const Surface surface = grid.make();
+    fs_object o = fs_object_init("box", FS_PRIMITIVE_MESH);
+    o.shape = box.get();
+    o.surface = surface.get();
+    hand.put(o, solid(FS_KEEP_FRONT, 1000, 2));
+    hand.go({0, 0, 0.03});
+    const fs_vec3 speed = {random.between(2, 5), random.between(2, 5), random.between(2, 5)};
+    for (int i = 0; i < 2000; ++i) {
+      const double t = i * dt, most = 2 * (1 + 1e-9);
+      ck_assert_double_le(norm(hand.go({0.03 * std::sin(speed.x * t), 0.03 * std::sin(speed.y * t), 0.03 * std::cos(speed.z * t)})), most);
+    }
+  }
+}
+END_TEST
+
 // What a closed way gives to the hand, J. Without friction nothing, with it less than nothing.
 START_TEST(no_closed_way_gives_energy) {
   Random random(17);
@@ -538,7 +561,7 @@ END_TEST
 int main() {
   Suite* const suite = suite_create("texture");
   add_case(suite, "the force",
-           {the_force_is_the_gradient_of_one_energy, it_is_that_of_the_heights, axes_and_borders, the_limit_is_that_of_the_whole,
+           {the_force_is_the_gradient_of_one_energy, it_is_that_of_the_heights, axes_and_borders, the_limit_is_that_of_the_whole, the_limit_is_that_of_the_whole_mesh,
             no_closed_way_gives_energy, what_sticks_loses_nothing, meshes_are_as_planes, in_a_corner_the_forces_add});
   add_case(suite, "the loop", {it_wants_what_it_slopes, heights_are_reduced_to_what_is_granted});
   add_case(suite, "handles", {bad_grids_are_refused_by_name, odd_grids_do_no_harm, textures_in_files, heights_by_an_expression});
