@@ -466,6 +466,16 @@ START_TEST(sides_with_degenerate_and_duplicate_triangles) {
   m.triangles.insert(m.triangles.begin(), more, more + 9);
   check_sides(m, 61, 1, outside_cube);
 
+  // Two triangles with a repeated corner, one of them on an edge of the cube or on a way through it, the other on any such way.
+  for (const uint32_t other : {1u, 3u, 7u}) {
+    for (uint32_t third = 1; third < 8; ++third) {
+      Mesh needles = box({1, 1, 1});
+      for (const uint32_t corner : {0u, 0u, other, 0u, 0u, third}) needles.triangles.push_back(corner);
+      check_sides(needles, 65, 1, outside_cube);
+      check_sides(soup(needles), 66, 1, outside_cube);
+    }
+  }
+
   // A blade whose sharpest edge is split on one side only; a triangle without area fills the gap.
   const Mesh sharp = blade(0.05);
   const auto outside = [&](Vec3 x) { return outside_planes(sharp, x); };

@@ -234,6 +234,7 @@ class UnionBuilder {
         if (told == none && !(normal_of(region[i]) == Vec3{})) told = region[i];
         for (int k = 0; k < 3; ++k) {
           const uint32_t edge = edges.of_side[size_t{3} * region[i] + k];
+          if (edges.kinds[edge] == MeshEdges::Kind::none) continue;
           for (const uint32_t next : {first[edge], second[edge]}) {
             if (next == none || is_done[next] || out_->is_met[next]) continue;
             is_done[next] = true;
@@ -279,6 +280,8 @@ MeshParts::MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, 
   count = triangles;
   for (uint32_t i = 0; i < corners.size(); ++i) {
     stop.check();
+    // Triangles with a repeated corner are parts by themselves, unless they lie on an edge of others.
+    if (edges.kinds[edges.of_side[i]] == MeshEdges::Kind::none) continue;
     uint32_t& one = first[edges.of_side[i]];
     if (one == none) {
       one = i / 3;
