@@ -261,11 +261,19 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
   const Object& object = *proxy_.members[0].solid->object;
   const double k = stiffness_of(object.contact);
   const Spring spring = this->spring(at.position);
-  // On a mesh friction may hold the proxy back across an edge, and so along the normal, too: then the force itself is cut.
-  const double part = std::min(part_within(spring.limit, k * spring.size), part_within(object.contact.limit, k * norm(spring.way)));
-  assert(part >= 0 && part <= 1);
   double depth = 0, way = 0;
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.pushes[p];
+  const auto way_out = [&](uint32_t p) {  // m: what plane p gives of the spring
+    if (object.texture()) return (1.0 / proxy_.plane_count) * spring.way;
+    if (!(depth > 0)) return (1.0 / proxy_.plane_count) * spring.pull;
+    return proxy_.pushes[p] * proxy_.planes[p].normal + (proxy_.pushes[p] / depth) * proxy_.held;
+  };
+  // On a mesh friction may hold the proxy back across an edge, and so along the normal, too; and very far from the origin the
+  // proxy is not exactly where its planes push: the sum itself is within the limit.
+  Vec3 all_ways{};
+  for (uint32_t p = 0; p < proxy_.plane_count; ++p) all_ways += way_out(p);
+  const double part = std::min(part_within(spring.limit, k * spring.size), part_within(object.contact.limit, k * norm(all_ways)));
+  assert(part >= 0 && part <= 1);
   const bool is_pushed = !object.texture() || spring.press.depth > 0;  // in a groove it may be in front of the texture
   std::array<Vec3, 3> damping{};  // N, of each plane
   Vec3 all_damping{};
@@ -290,10 +298,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
       if (plane.member != i) continue;
       is_touching = true;
       normals += plane.normal;
-      Vec3 way_out = depth > 0 ? proxy_.pushes[p] * plane.normal + (proxy_.pushes[p] / depth) * proxy_.held
-                               : (1.0 / proxy_.plane_count) * spring.pull;
-      if (object.texture()) way_out = (1.0 / proxy_.plane_count) * spring.way;
-      const Vec3 pushed = (part * k) * way_out, damped = damping_part * damping[p];
+      const Vec3 pushed = (part * k) * way_out(p), damped = damping_part * damping[p];
       solid.spring = solid.spring + Wrench{pushed, cross(at.arm, pushed)};
       solid.damping = solid.damping + Wrench{damped, cross(at.arm, damped)};
     }

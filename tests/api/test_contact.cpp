@@ -648,6 +648,17 @@ START_TEST(what_is_left_of_a_jump_stays_within_the_limit) {
 }
 END_TEST
 
+// Very far from the origin a place is known to millimetres only; but the limit holds.
+START_TEST(the_limit_holds_at_any_place) {
+  for (const double y : {1e6, 1e9, 1e11, 9e11}) {
+    Hand hand;
+    hand.plane("floor", {}, {0, 0, 1}, solid(FS_KEEP_FRONT, 500, 8));
+    hand.go({0, 0, 0.001});
+    ck_assert_double_le(norm(hand.go({0, y, -0.002})), 8 * (1 + 1e-9));
+  }
+}
+END_TEST
+
 // So is a jump of a profile's force, which acts at the proxy.
 START_TEST(a_profile_at_an_edge_is_no_step) {
   Hand hand;
@@ -1102,7 +1113,7 @@ END_TEST
 
 int main() {
   Suite* const suite = suite_create("contact");
-  add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall,
+  add_case(suite, "planes", {a_plane_holds_the_hand, the_limit_holds_at_any_place, each_side_can_be_kept, corners_hold_with_every_wall,
                              the_softest_wall_has_a_proxy, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_outside_of_a_room_is_led_back, a_mesh_with_split_corners_is_solid,
