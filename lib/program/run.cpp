@@ -208,7 +208,7 @@ class News {
  public:
   // listen: as print_line has it.
   News(const Scene& scene, const std::string& listen, bool terminal)
-      : scene_(scene), return_(listen.empty() ? "start again" : "`forceserver resume " + listen + "` lets it return"),
+      : scene_(scene), return_(listen.empty() ? "start again" : how_to_resume(listen)),
         terminal_(terminal) {}
 
   // Prints the events since the last call. time: s.
@@ -278,8 +278,7 @@ void print_line(const Scene& scene, double time, const std::string& listen, bool
   if (line.ends_with(nothing) && length(sent.force) > 0.05) line += "; the servo damps the hand a little";
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {
-    line += std::string("; a client stopped the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
-            "` lets it return";
+    line += std::string("; a client stopped the force: ") + (asks ? "Enter, or " : "") + how_to_resume(listen);
   }
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {

@@ -482,8 +482,9 @@ expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
 # run --listen, clients and watch: a server, the programs that show its state, and how all of them end.
 name=program-test-$$
+as=()  # the command by which the server becomes another user's
 listen() {  # OPTION...: a server in the background: $server
-  "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
+  "${as[@]}" "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
   until_says '^listens at shm:' cat served
 }
@@ -592,6 +593,27 @@ if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; 
 fi
 kill -INT $server
 ended $server 0 "run whose force was ended"
+
+# Another user's server: what is said is what that user or root may do.
+if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
+  listen --all-users
+  expect 0 "^the force at shm:$name\?user=0 has ended; only the user 0, whose server it is, may let it return: forceserver resume $name$" \
+    setpriv --reuid=65534 "$program" stop "$name?user=0"
+  expect 0 "it was stopped; only the user root, whose server it is, may .*: forceserver resume $name; faults" \
+    setpriv --reuid=65534 "$program" watch "$name?user=root" --count 1
+  expect 0 "it was stopped; .forceserver resume '$name\?timeout=5'. lets it return; faults" "$program" watch "$name?timeout=5" --count 1
+  kill -INT $server
+  ended $server 0 "run whose force another user ended"
+  as=(setpriv --reuid=65534 --regid=65534 --clear-groups)
+  listen --all-users
+  as=()
+  expect 0 "has ended; only the user 65534, whose server it is, and root may let it return: forceserver resume $name$" \
+    setpriv --reuid=65533 "$program" stop "$name?user=65534"
+  expect 0 "has ended; .forceserver resume '$name\?user=65534'. lets it return$" "$program" stop "$name?user=65534"
+  expect 0 "^the force at shm:$name\?user=65534 returns$" "$program" resume "$name?user=65534"
+  kill -INT $server
+  ended $server 0 "run of another user"
+fi
 
 # A hand that is too fast after a second, and an object whose lifetime is over by then.
 printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
