@@ -244,6 +244,12 @@ int main(int argc, char** argv) {
   run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
       ->check(above_zero)
       ->needs(listen);
+  run_option("--max-clients", run_options.max_clients, "N", "How many clients there may be; without it 32")
+      ->check(CLI::Range(1u, 4096u).description(""))
+      ->needs(listen);
+  run_option("--max-objects", run_options.max_objects, "N", "How many objects a client may have; without it 4096")
+      ->check(CLI::Range(1u, 65536u).description(""))
+      ->needs(listen);
   run_command->add_flag("--locked", run_options.locked, "Each client may change its own objects only")->needs(listen);
   run_command->add_flag("--no-stop", run_options.no_stop, "No client may end the force")->needs(listen);
   run_command->add_flag("--all-users", run_options.all_users, "Also let in programs of other users of this machine")

@@ -507,6 +507,8 @@ expect 2 "no server of user $user listens at shm:$name; " "$program" watch "shm:
 expect 2 'no server of user 12345 listens at shm:[^ ]+$' "$program" watch "$name?timeout=0&user=12345"
 expect 2 '^forceserver: --client-force: force_limit is 30, ' "$program" run --listen "shm:$name" --client-force 30
 expect 2 '^forceserver: .*listen' "$program" run --locked --duration 1
+expect 2 '^forceserver: .*listen' "$program" run --max-objects 9 --duration 1
+expect 2 '^forceserver: .*max-clients' "$program" run --listen "$name" --max-clients 4097
 expect 2 '^forceserver: .*count' "$program" watch "$name" --count 0
 
 listen "$scene" --device 'sim:?hold=0,0,-0.09' --locked --all-users --client-force 5
@@ -593,6 +595,20 @@ if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; 
 fi
 kill -INT $server
 ended $server 0 "run whose force was ended"
+
+# The maxima of a server.
+listen --max-clients 1 --max-objects 2
+expect 0 '' "$program" clients "$name"
+"$program" watch "$name" --interval 0.1 > watched &
+watcher=$!
+until_says '^hand  ' cat watched
+expect 2 '^forceserver: the server has 1 client, its maximum \(max_clients\)$' "$program" clients "$name"
+kill -INT $watcher
+ended $watcher 0 "watch of a server that is full"
+echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a), $(wall_of b), $(wall_of c)"']}' > three.json
+expect 1 'the server allows a client 2 \(max_objects\)$' "$stop_force" "$name" three.json
+kill -INT $server
+ended $server 0 "run with other maxima"
 
 # Another user's server: what is said is what that user or root may do.
 if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
