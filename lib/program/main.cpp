@@ -135,8 +135,9 @@ const char* const doctor_help = R"(examples:
       one JSON document, in SI units
 
 For each thing that is wrong the page says what is wrong, and the command that cures it. It changes nothing, opens no device and
-joins no server. It needs no root; what this user may not see it calls not known. The page names the user, the servers and
-the serial numbers of haptic devices on the USB: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
+joins no server. It needs no root; what this user may not see it calls not known. The page names the user, paths of
+the library and the home folder, the serial numbers of haptic devices on the USB, and the servers that run on this machine, also
+those of others: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
 something is, 2 when the page could not be made.)";
 
 const char* const test_device_help = R"(examples:
