@@ -98,8 +98,8 @@ std::string how_to_grant() {
     return text + file +
            format(" is there: log out and in again, until `prlimit --pid $$ --rtprio` says %d. If it does not:\n",
                   wanted_priority) +
-           "what you log in by (su, sshd, cron, the login at the screen) must have the line `session required pam_limits.so` in its "
-           "file in /etc/pam.d\n" +
+           "the service that logs you in (su, sshd, cron, login) must have the line `session required pam_limits.so` in its file in "
+           "/etc/pam.d\n" +
            (text.empty() ? of_container : "") + of_service;
   }
   text += "printf '%s\\n'";
