@@ -152,6 +152,6 @@ prepare_python() {
   if [ -n "${FORCESERVER_WHEEL-}" ]; then
     "${install_python[@]}" "$FORCESERVER_WHEEL"
   else
-    "${install_python[@]}" -Cbuild-dir="$root/build/wheel" "$root/bindings/python"
+    "${install_python[@]}" --config-settings=build-dir="$root/build/wheel" "$root/bindings/python"
   fi
 }

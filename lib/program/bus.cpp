@@ -102,14 +102,19 @@ std::string installed_rule() {
 }
 
 std::string install_rule() {
+  std::vector<std::string> folders;  // of the installation or sources that this program is in
   std::error_code none;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
-  std::string source = "device/udev/";  // of the sources, where nothing is installed
-  for (const std::string& folder :
-       {program.parent_path().parent_path().string() + "/lib/udev/rules.d/", std::string(FORCESERVER_RULES_FOLDER "/")}) {
-    if (access((folder + rule_name).c_str(), F_OK) != 0) continue;
-    source = folder;
-    break;
+  std::filesystem::path above = std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
+  for (; above.has_relative_path(); above = above.parent_path()) {
+    for (const char* folder : {"/lib/udev/rules.d/", "/device/udev/"}) folders.push_back(above.string() + folder);
   }
-  return "sudo cp '" + source + rule_name + "' /etc/udev/rules.d/ && sudo udevadm control --reload";
+  folders.push_back(FORCESERVER_RULES_FOLDER "/");
+  const std::string reload = " && sudo udevadm control --reload";
+  for (const std::string& folder : folders) {
+    const std::string file = folder + rule_name;
+    if (access(file.c_str(), F_OK) == 0) return "sudo cp " + in_shell(file) + " /etc/udev/rules.d/" + reload;
+  }
+  return std::string("put ") + rule_name +
+         ", which the package forceserver and the folder device/udev of its sources have, into "
+         "/etc/udev/rules.d; then: sudo udevadm control --reload";
 }

@@ -89,14 +89,24 @@ std::string how_to_grant() {
                   wanted_priority);
   }
   const std::string user = user_name(geteuid()), file = "/etc/security/limits.d/forceserver-" + user + ".conf";
-  if (access(file.c_str(), F_OK) == 0) text += file + " is there: log out and in again. If that does not help:\n";
+  const std::string of_service =
+      format("the unit of a service says instead: LimitRTPRIO=%d, LimitMEMLOCK=infinity", wanted_priority);
+  if (access(file.c_str(), F_OK) == 0) {
+    const std::string of_container = format(
+        "a container does not read that file: it is started with --cap-add SYS_NICE --ulimit rtprio=%d --ulimit memlock=-1\n",
+        wanted_priority);
+    return text + file +
+           format(" is there: log out and in again, until `prlimit --pid $$ --rtprio` says %d. If it does not:\n",
+                  wanted_priority) +
+           "the service that logs you in (su, sshd, cron, login) must have the line `session required pam_limits.so` in its file in "
+           "/etc/pam.d\n" +
+           (text.empty() ? of_container : "") + of_service;
+  }
   text += "printf '%s\\n'";
   for (const std::string& grant : {format("rtprio %d", wanted_priority), std::string("memlock unlimited")}) {
     text += " '" + user + " - " + grant + "'";
   }
-  return text + " | sudo tee " + file +
-         format("\nthen log out and in again; the unit of a service says instead: LimitRTPRIO=%d, LimitMEMLOCK=infinity",
-                wanted_priority);
+  return text + " | sudo tee " + file + "\nthen log out and in again; " + of_service;
 }
 
 void tell_grants(DoctorPage& page) {

@@ -19,8 +19,7 @@ int resume_force(const std::string& server) {
 int stop_force(const std::string& server) {
   const Scene scene = connect(server, "stop");
   scene.stop_force();
-  std::printf("the force at %s has ended; `forceserver resume %s` lets it return\n", full_endpoint(server).c_str(),
-              server.c_str());
+  std::printf("the force at %s has ended; %s\n", full_endpoint(server).c_str(), how_to_resume(server).c_str());
   write_out();
   return exit_fine;
 }

@@ -8,16 +8,24 @@
 
 namespace {
 
-// The sentence for an endpoint at which no server listens: it says what to do.
-std::string nobody_at(const std::string& endpoint) {
+std::string without_options(const std::string& endpoint) { return endpoint.substr(0, endpoint.find('?')); }
+
+// The user whose server the endpoint names; "": it names none.
+std::string user_in(const std::string& endpoint) {
   const std::size_t question = endpoint.find('?');
-  const std::string address = endpoint.substr(0, question), key = "user=";
+  const std::string key = "user=";
   std::string options = question == endpoint.npos ? "" : endpoint.substr(question + 1);
   for (std::size_t end = 0; end != options.npos; options.erase(0, end + 1)) {
     end = options.find('&');
-    if (!options.starts_with(key)) continue;
-    return "no server of user " + options.substr(key.size(), end - key.size()) + " listens at " + address;
+    if (options.starts_with(key)) return options.substr(key.size(), end - key.size());
   }
+  return "";
+}
+
+// The sentence for an endpoint at which no server listens: it says what to do.
+std::string nobody_at(const std::string& endpoint) {
+  const std::string address = without_options(endpoint), user = user_in(endpoint);
+  if (!user.empty()) return "no server of user " + user + " listens at " + address;
   const std::string name = address.substr(address.find(':') + 1);
   return "no server of user " + user_name(geteuid()) + " listens at " + address +
          "; one is started by: forceserver run --listen " + name + "; another user's is '" + name + "?user=NAME'";
@@ -29,6 +37,15 @@ std::string client_name(const char* kind) { return kind + std::string("-") + std
 
 std::string full_endpoint(const std::string& server) {
   return server.starts_with("shm:") || server.starts_with("dds:") ? server : "shm:" + server;
+}
+
+std::string how_to_resume(const std::string& server) {
+  const std::string user = user_in(server);
+  const bool may_resume = user.empty() || geteuid() == 0 || user == user_name(geteuid()) || user == std::to_string(geteuid());
+  if (may_resume) return "`forceserver resume " + in_shell(server) + "` lets it return";
+  const bool is_root = user == "root" || user == "0";
+  return "only the user " + user + ", whose server it is" + (is_root ? "," : ", and root") +
+         " may let it return: forceserver resume " + in_shell(without_options(server));
 }
 
 Scene connect(const std::string& server, const char* kind) {

@@ -29,6 +29,7 @@ struct Ticks {
 // Connects to `server`, a name or an endpoint. The client's name is kind and process number, such as "watch-1234".
 Scene connect(const std::string& server, const char* kind);
 std::string full_endpoint(const std::string& server);
+std::string how_to_resume(const std::string& server);  // who may let the force return after a stop, and by which command
 
 // Returns what `look` returns. If the server ends meanwhile, prints that and returns exit_odd.
 int at_server(const std::string& server, auto&& look) {

@@ -48,8 +48,7 @@ std::vector<std::string> head(const Look& now, const Look& before) {
                     now.response.flags & FS_RESPONSE_GUARDED ? ", also now" : "");
   }
   lines.push_back(force);
-  const std::string stopped =
-      s.enabled ? "" : "no force: it was stopped; `forceserver resume " + name_of(now.endpoint) + "` lets it return; ";
+  const std::string stopped = s.enabled ? "" : "no force: it was stopped; " + how_to_resume(name_of(now.endpoint)) + "; ";
   lines.push_back("servo  " + stopped + "faults: " + fault_names(s.faults) +
                   format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate, s.late_p99 * 1e6,
                          s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));

@@ -135,8 +135,9 @@ const char* const doctor_help = R"(examples:
       one JSON document, in SI units
 
 For each thing that is wrong the page says what is wrong, and the command that cures it. It changes nothing, opens no device and
-joins no server. It needs no root; what this user may not see it calls not known. The page names the user, the servers and
-the serial numbers of haptic devices on the USB: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
+joins no server. It needs no root; what this user may not see it calls not known. The page names the user, paths of
+the library and the home folder, the serial numbers of haptic devices on the USB, and the servers that run on this machine, also
+those of others: read it before you publish it. Ends with 0 when nothing is wrong, 1 when
 something is, 2 when the page could not be made.)";
 
 const char* const test_device_help = R"(examples:
@@ -243,6 +244,12 @@ int main(int argc, char** argv) {
           ->check([](const std::string& name) { return name.empty() ? "its name is empty" : std::string(); });
   run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
       ->check(above_zero)
+      ->needs(listen);
+  run_option("--max-clients", run_options.max_clients, "N", "How many clients there may be; without it 32")
+      ->check(CLI::Range(1u, 4096u).description(""))
+      ->needs(listen);
+  run_option("--max-objects", run_options.max_objects, "N", "How many objects a client may have; without it 4096")
+      ->check(CLI::Range(1u, 65536u).description(""))
       ->needs(listen);
   run_command->add_flag("--locked", run_options.locked, "Each client may change its own objects only")->needs(listen);
   run_command->add_flag("--no-stop", run_options.no_stop, "No client may end the force")->needs(listen);

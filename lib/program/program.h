@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,7 @@ struct RunOptions {
   std::string scene, device = "sim:", driver, record, listen;
   double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's rate, the device's limit
   double client_force = 0;                         // N; 0: the servo's limit
+  std::uint32_t max_clients = 0, max_objects = 0;  // 0: those of fs_server_options
   bool locked = false, all_users = false, no_stop = false;
 };
 int run(const RunOptions& options);

@@ -208,8 +208,7 @@ class News {
  public:
   // listen: as print_line has it.
   News(const Scene& scene, const std::string& listen, bool terminal)
-      : scene_(scene), return_(listen.empty() ? "start again" : "`forceserver resume " + listen + "` lets it return"),
-        terminal_(terminal) {}
+      : scene_(scene), return_(listen.empty() ? "start again" : how_to_resume(listen)), terminal_(terminal) {}
 
   // Prints the events since the last call. time: s.
   void print(double time) {
@@ -278,8 +277,7 @@ void print_line(const Scene& scene, double time, const std::string& listen, bool
   if (line.ends_with(nothing) && length(sent.force) > 0.05) line += "; the servo damps the hand a little";
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {
-    line += std::string("; a client stopped the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
-            "` lets it return";
+    line += std::string("; a client stopped the force: ") + (asks ? "Enter, or " : "") + how_to_resume(listen);
   }
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
@@ -340,6 +338,8 @@ int run(const RunOptions& options) {
     server_options.all_users = options.all_users;
     server_options.no_stop = options.no_stop;
     server_options.force_limit = options.client_force;
+    server_options.max_clients = options.max_clients;
+    server_options.max_objects = options.max_objects;
     try {
       server = Server::start(servo, full_endpoint(options.listen), &server_options);
     } catch (const Error& failure) {  // name the option of the command line instead of the field

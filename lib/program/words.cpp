@@ -68,6 +68,14 @@ std::string fit(std::string_view text, std::size_t columns) {
   return std::string(text.substr(0, end));
 }
 
+std::string in_shell(const std::string& word) {
+  const auto is_plain = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || std::strchr("-_.,:/@%+=", c); };
+  if (!word.empty() && std::all_of(word.begin(), word.end(), is_plain)) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 std::string milliseconds(double seconds) {
   const double value = seconds * 1e3;
   return format(value < 100 ? "%.3g ms" : "%.0f ms", value);

@@ -17,6 +17,8 @@ std::string stop_reason(const fs_event& event);  // why the force stopped; event
 std::string user_name(std::uint32_t user);       // the user's number, if there is no name
 std::string fit(std::string_view text, std::size_t columns);  // at most so many characters (of UTF-8)
 
+std::string in_shell(const std::string& word);  // in quotation marks where a shell would take it apart or change it
+
 std::string milliseconds(double seconds);  // "0.022 ms", in at most three digits
 
 // Flushes what was printed. Returns false when the reader of a pipe has gone.

@@ -45,7 +45,8 @@ void Clients::drop_dead(uid_t user) const noexcept {
 
 void Clients::require_room() {
   const size_t present = count();
-  if (present >= most_) fail(FS_ERROR_FULL, "the server has %u clients, its maximum", most_);
+  if (present >= most_)
+    fail(FS_ERROR_FULL, "the server has %u client%s, its maximum (max_clients)", most_, most_ == 1 ? "" : "s");
   // Clients that are gone cost the servo as much as the others while they fade out.
   reap_leaving();
   if (present + leaving_.size() < most_ + std::max<size_t>(most_, 32)) return;

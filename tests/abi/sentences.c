@@ -30,6 +30,15 @@ static fs_object spring_of(const char *name)
   return spring;
 }
 
+static void until_felt(fs_scene *client, const char *name, fs_servo *servo)
+{
+  fs_report report;
+  do {
+    usleep(1000);
+    check(fs_servo_step(servo, 1));
+  } while (fs_scene_get_report(client, name, &report) < 0 || !(report.weight > 0));
+}
+
 static void write_file(const char *name, const char *text)
 {
   FILE *file = fopen(name, "w");
@@ -41,7 +50,7 @@ int main(void)
   const uint32_t faces[3] = {0, 1, 7};
   const fs_vec3 corners[3] = {{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}};
   char address[64];
-  fs_scene *scene, *idle, *client, *other;
+  fs_scene *scene, *idle, *client, *other, *third;
   fs_device *device, *another;
   fs_servo *servo, *second;
   fs_server *server, *refused;
@@ -127,6 +136,34 @@ int main(void)
   }
   object = spring_of("c");
   fails(fs_object_set(client, &object), FS_ERROR_FULL);
+  check(fs_scene_begin(client));
+  for (i = 0; i < 72; ++i) check(fs_object_move(client, "a", &object.pose, NULL, 0));
+  fails(fs_object_move(client, "a", &object.pose, NULL, 0), FS_ERROR_FULL);
+  check(fs_scene_cancel(client));
+  for (i = 0; i < 2; ++i) {  /* objects that are felt, and are replaced by others while they fade out */
+    const char *const names[6] = {"a", "b", "c", "d", "e", "f"};
+    until_felt(client, names[2 * i + 1], servo);
+    check(fs_object_remove(client, names[2 * i]));
+    check(fs_object_remove(client, names[2 * i + 1]));
+    object = spring_of(names[2 * i + 2]);
+    check(fs_object_set(client, &object));
+    object = spring_of(names[2 * i + 3]);
+    check(fs_object_set(client, &object));
+  }
+  fails(fs_scene_sync(client, 1), FS_ERROR_FULL);
+  offered.max_clients = 1;
+  snprintf(address, sizeof address, "shm:errors-%ld-2", (long)getpid());
+  check(fs_server_start(second, address, &offered, &refused));
+  check(fs_scene_connect(address, "rover", &other));
+  fails(fs_scene_connect(address, "editor", &third), FS_ERROR_FULL);
+  fs_scene_destroy(other);
+  fs_server_stop(refused);
+  getrlimit(RLIMIT_NOFILE, &before);
+  less = before;
+  less.rlim_cur = 0;
+  setrlimit(RLIMIT_NOFILE, &less);
+  fails(fs_server_start(second, address, NULL, &refused), FS_ERROR_FULL);
+  setrlimit(RLIMIT_NOFILE, &before);
   fs_server_stop(server);
   usleep(200000);
   fails(fs_object_set(client, &object), FS_ERROR_DISCONNECTED);

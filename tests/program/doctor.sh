@@ -105,6 +105,20 @@ also "^ .*printf '%s.n' '$(id -un) - rtprio 90' '$(id -un) - memlock unlimited' 
 also '; the unit of a service says instead: LimitRTPRIO=90, LimitMEMLOCK=infinity$'
 also '^    granted +(none|nice)$'
 
+# The rule of udev: where it is not installed, it is copied from a place that there is; a program that is alone says who has it.
+copies() { sed -nE "s/^    udev rule +not installed; .* sudo cp (.*) \/etc\/udev.*/\1/p" "$1"; }
+if ! grep -qE '^    udev rule +/' page; then
+  eval "rule=$(copies page)"
+  [ -f "$rule" ] || fail "the rule is to be copied from '$rule', which is not there"
+  mkdir -p alone/bin
+  cp "$program" alone/bin
+  expect '[01]' '^    udev rule +not installed; .* which the package forceserver and .* have, into /etc/udev/rules.d; then: sudo udevadm' \
+    alone/bin/forceserver doctor --seconds 0.1
+  mkdir -p alone/lib/udev/rules.d
+  touch alone/lib/udev/rules.d/60-forceserver.rules
+  expect '[01]' "^    udev rule .*sudo cp $folder/alone/lib/udev/rules.d/60-forceserver.rules /etc" alone/bin/forceserver doctor --seconds 0.1
+fi
+
 (ulimit -n 100; exec "${doctor[@]}" > few 2>&1)
 grep -q '^better  a process may open only 100 files' few || fail "doctor does not see that a process may open few files"
 
@@ -165,6 +179,12 @@ if "${unshare[@]}" sh -c 'mount --make-rprivate / && mount -t tmpfs none /mnt' 2
     echo powersave > /sys/devices/system/cpu/cpufreq/policy0/scaling_governor'
   also '^    governor +powersave$'
   also '^  cure  sudo cpupower frequency-set -g performance$'
+  within 'mkdir -p limits && mount --bind limits /etc/security/limits.d && touch "limits/forceserver-$(id -un).conf"
+    set -- prlimit --memlock=0 --rtprio=0 -- setpriv --bounding-set=-all --inh-caps=-all "$@"'
+  also '/etc/security/limits.d/forceserver-.*.conf is there: log out and in again, until .prlimit --pid \$\$ --rtprio. says 90\.'
+  also 'the line .session required pam_limits.so. in its file in /etc/pam.d$'
+  also '^ +the unit of a service says instead: LimitRTPRIO=90, LimitMEMLOCK=infinity$'
+  grep -q 'sudo tee' output && fail "the command that was of no help is told again"
   within 'mount -t tmpfs none /run && mkdir -p /run/udev/rules.d && touch /run/udev/rules.d/60-forceserver.rules'
   also '^    udev rule +(/etc|/run)/udev/rules.d/60-forceserver.rules$'
   if [ "$(id -u)" = 0 ] && setpriv --reuid=4242 test -x "$program" 2> /dev/null; then

@@ -482,8 +482,9 @@ expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
 # run --listen, clients and watch: a server, the programs that show its state, and how all of them end.
 name=program-test-$$
+as=()  # the command by which the server becomes another user's
 listen() {  # OPTION...: a server in the background: $server
-  "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
+  "${as[@]}" "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
   until_says '^listens at shm:' cat served
 }
@@ -506,6 +507,8 @@ expect 2 "no server of user $user listens at shm:$name; " "$program" watch "shm:
 expect 2 'no server of user 12345 listens at shm:[^ ]+$' "$program" watch "$name?timeout=0&user=12345"
 expect 2 '^forceserver: --client-force: force_limit is 30, ' "$program" run --listen "shm:$name" --client-force 30
 expect 2 '^forceserver: .*listen' "$program" run --locked --duration 1
+expect 2 '^forceserver: .*listen' "$program" run --max-objects 9 --duration 1
+expect 2 '^forceserver: .*max-clients' "$program" run --listen "$name" --max-clients 4097
 expect 2 '^forceserver: .*count' "$program" watch "$name" --count 0
 
 listen "$scene" --device 'sim:?hold=0,0,-0.09' --locked --all-users --client-force 5
@@ -592,6 +595,41 @@ if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; 
 fi
 kill -INT $server
 ended $server 0 "run whose force was ended"
+
+# The maxima of a server.
+listen --max-clients 1 --max-objects 2
+expect 0 '' "$program" clients "$name"
+"$program" watch "$name" --interval 0.1 > watched &
+watcher=$!
+until_says '^hand  ' cat watched
+expect 2 '^forceserver: the server has 1 client, its maximum \(max_clients\)$' "$program" clients "$name"
+kill -INT $watcher
+ended $watcher 0 "watch of a server that is full"
+echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a), $(wall_of b), $(wall_of c)"']}' > three.json
+expect 1 'the server allows a client 2 \(max_objects\)$' "$stop_force" "$name" three.json
+kill -INT $server
+ended $server 0 "run with other maxima"
+
+# Another user's server: what is said is what that user or root may do.
+if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
+  listen --all-users
+  expect 0 "^the force at shm:$name\?user=0 has ended; only the user 0, whose server it is, may let it return: forceserver resume $name$" \
+    setpriv --reuid=65534 "$program" stop "$name?user=0"
+  expect 0 "it was stopped; only the user root, whose server it is, may .*: forceserver resume $name; faults" \
+    setpriv --reuid=65534 "$program" watch "$name?user=root" --count 1
+  expect 0 "it was stopped; .forceserver resume '$name\?timeout=5'. lets it return; faults" "$program" watch "$name?timeout=5" --count 1
+  kill -INT $server
+  ended $server 0 "run whose force another user ended"
+  as=(setpriv --reuid=65534 --regid=65534 --clear-groups)
+  listen --all-users
+  as=()
+  expect 0 "has ended; only the user 65534, whose server it is, and root may let it return: forceserver resume $name$" \
+    setpriv --reuid=65533 "$program" stop "$name?user=65534"
+  expect 0 "has ended; .forceserver resume '$name\?user=65534'. lets it return$" "$program" stop "$name?user=65534"
+  expect 0 "^the force at shm:$name\?user=65534 returns$" "$program" resume "$name?user=65534"
+  kill -INT $server
+  ended $server 0 "run of another user"
+fi
 
 # A hand that is too fast after a second, and an object whose lifetime is over by then.
 printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump

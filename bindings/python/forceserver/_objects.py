@@ -98,7 +98,10 @@ copyreg.pickle(Surface, _reduce_surface)
 
 
 class Constant(Profile):
-    """gain (N) at every distance."""
+    """gain (N) at every distance.
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -107,7 +110,10 @@ class Constant(Profile):
 
 
 class LinearIncreasing(Profile):
-    """gain*d + offset (N/m, >= 0; N)."""
+    """gain*d + offset (N/m, >= 0; N).
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -120,7 +126,10 @@ class LinearIncreasing(Profile):
 
 
 class LinearDecreasing(Profile):
-    """gain*d + offset (N/m, <= 0; N)."""
+    """gain*d + offset (N/m, <= 0; N).
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -133,7 +142,10 @@ class LinearDecreasing(Profile):
 
 
 class Quadratic(Profile):
-    """gain*d^2 + offset (N/m^2; N)."""
+    """gain*d^2 + offset (N/m^2; N).
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -146,7 +158,10 @@ class Quadratic(Profile):
 
 
 class Inverse(Profile):
-    """gain/d + offset (N m, >= 0; N)."""
+    """gain/d + offset (N m, >= 0; N).
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -159,7 +174,10 @@ class Inverse(Profile):
 
 
 class Gaussian(Profile):
-    """gain*exp(-(d/width)^2/2) (N, >= 0; m, > 0)."""
+    """gain*exp(-(d/width)^2/2) (N, >= 0; m, > 0).
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
+    """
 
     __slots__ = ()
 
@@ -178,6 +196,8 @@ class Custom(Profile):
     - a Curve;
     - a Python function of the distance. It is not called at the servo's rate: it is sampled now, at `samples` distances
       from 0 to `until` (m; without it `reach`), into a table, and the attribute `sampled` says how well that fits.
+
+    sense: "attractive", the default, draws the hand to the object; "repulsive" drives it away, which a hazard needs.
     """
 
     __slots__ = ("sampled",)
