@@ -319,7 +319,8 @@ START_TEST(the_longest_of_three_counts) {
   ck_assert_int_ge(looks, 20);
   ck_assert_int_le(looks, 26);
   const auto look = [&](int count) {
-    for (const int end = looks + count; looks < end;) rig.step(1);
+    const int end = looks + count;
+    while (looks < end) rig.step(1);
   };
   look(1);
   rig.link.delay = 0.010;
