@@ -484,6 +484,7 @@ expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 name=program-test-$$
 as=()  # the command by which the server becomes another user's
 listen() {  # OPTION...: a server in the background: $server
+  : > served  # what the one before said
   "${as[@]}" "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
   until_says '^listens at shm:' cat served
