@@ -262,7 +262,8 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
   const double k = stiffness_of(object.contact);
   const Spring spring = this->spring(at.position);
   // On a mesh friction may hold the proxy back across an edge, and so along the normal, too: then the force itself is cut.
-  const double part = std::min(part_within(spring.limit, k * spring.size), part_within(object.contact.limit, k * norm(spring.way)));
+  const double part =
+      std::min(part_within(spring.limit, k * spring.size), part_within(object.contact.limit, k * norm(spring.way)));
   assert(part >= 0 && part <= 1);
   double depth = 0, way = 0;
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.pushes[p];
