@@ -253,11 +253,13 @@ START_TEST(damping_of_clients) {
     rig.settle(scene.get());
     rig.step(1000);
   };
-  set_and_wait(me);
-  const double alone = damping();
-  ck_assert(alone > 1 && alone < 500);
-  set_and_wait(bob);
-  EXPECT_NEAR(damping(), alone, 1e-6);
+  // Of a device that does not tell its mass, without delay: less the local damping.
+  const double most = 0.7 * 0.05 / 0.0005 - stats_of(rig.base.get()).damping;
+  for (const Scene* const scene : {&me, &bob}) {
+    set_and_wait(*scene);
+    double felt = 0;  // the bounds come from a thread, which a busy machine may hold up
+    ck_assert_msg(eventually([&] { return std::fabs((felt = damping()) - most) < 1e-6; }), "%g, not %g N s/m", felt, most);
+  }
 }
 END_TEST
 
