@@ -16,22 +16,25 @@
 namespace fs {
 
 // Splits the limit of the loop among scenes, by what each wants: those that want least get it, the others equal parts of what
-// is left. If all get what they want, what is left is split, too, so that one may want more at any time.
-static std::vector<DeviceLimit> split(const DeviceLimit& limit, const std::vector<double>& wants) {
+// is left. If all get what they want, what is left is split, too, so that one may want more at any time. The damping is split
+// equally among those that have some.
+static std::vector<DeviceLimit> split(const DeviceLimit& limit, const std::vector<SceneWant>& wants) {
   if (wants.size() == 1) return {limit};
-  std::vector<double> sorted = wants;
-  for (double& want : sorted) want = std::min(want, limit.stiffness);
+  std::vector<double> sorted;
+  for (const SceneWant& want : wants) sorted.push_back(std::min(want.stiffness, limit.stiffness));
   const double bound = fair_bound(sorted, limit.stiffness);
   const double left = std::max(0.0, limit.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
   const auto scenes = static_cast<double>(wants.size());
-  const auto wanting = static_cast<double>(std::count_if(wants.begin(), wants.end(), [](double want) { return want > 0; }));
+  const auto count = [&](auto&& is_so) { return static_cast<double>(std::count_if(wants.begin(), wants.end(), is_so)); };
+  const double stiff = count([](const SceneWant& want) { return want.stiffness > 0; });
+  const double damped = count([](const SceneWant& want) { return want.has_damping; });
   std::vector<DeviceLimit> out(wants.size(), limit);
   for (size_t i = 0; i < wants.size(); ++i) {
+    const double want = wants[i].stiffness;
+    const double part = bound < never ? std::min(want, bound) : std::min(want, limit.stiffness) + left / scenes;
     // One that wants none yet may at any time, and gets less as soon as it does.
-    const double count = wants[i] > 0 ? wanting : wanting + 1;
-    const double part = bound < never ? std::min(wants[i], bound) : std::min(wants[i], limit.stiffness) + left / scenes;
-    out[i].stiffness = wants[i] > 0 ? part : std::max(part, limit.stiffness / count);
-    out[i].damping /= count;
+    out[i].stiffness = want > 0 ? part : std::max(part, limit.stiffness / (stiff + 1));
+    out[i].damping /= wants[i].has_damping ? damped : damped + 1;
   }
   return out;
 }
@@ -39,8 +42,8 @@ static std::vector<DeviceLimit> split(const DeviceLimit& limit, const std::vecto
 // False: nothing is bounded.
 static bool is_finite(const DeviceLimit& limit) { return limit.stiffness < never || limit.damping < never; }
 
-static std::vector<double> wants_of(const Budget::Scenes& scenes) {
-  std::vector<double> out;
+static std::vector<SceneWant> wants_of(const Budget::Scenes& scenes) {
+  std::vector<SceneWant> out;
   for (const Ref<SceneBudget>& scene : scenes) out.push_back(scene->wanted());
   return out;
 }
@@ -53,7 +56,7 @@ bool Budget::run_once() noexcept {
     if (!is_finite(limit)) return false;
     const Scenes scenes = scenes_();
     for (int i = 0; i < 2; ++i) {
-      const std::vector<double> wants = wants_of(scenes);
+      const std::vector<SceneWant> wants = wants_of(scenes);
       const std::vector<DeviceLimit> limits = split(limit, wants);
       for (size_t k = 0; k < scenes.size(); ++k) has_worked |= scenes[k]->update(limits[k], ahead_, rest_);
       if (wants_of(scenes) == wants) break;
@@ -64,10 +67,10 @@ bool Budget::run_once() noexcept {
 }
 
 void Budget::add(SceneBudget& scene) {
-  std::vector<double> wants = wants_of(scenes_());
+  std::vector<SceneWant> wants = wants_of(scenes_());
   const std::lock_guard lock(running_);
   const DeviceLimit limit = limit_();
-  wants.push_back(never);
+  wants.push_back({});
   if (is_finite(limit)) scene.update(split(limit, wants).back(), ahead_, rest_);
 }
 

@@ -259,12 +259,13 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
   if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   const fs_frame frame = evaluated_.views.frame();
-  bool has_changed = false, wants = false;
+  bool has_changed = false, wants = false, has_damping = false;
   is_rising_ = false;
   try {
     for (const ObjectBounds& one : all.objects) {
       seen_.is_moving |= one.is_moving;
-      wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
+      wants |= one.object->steepest_slope > 0;
+      has_damping |= one.object->damping > 0 || (one.object->is_solid() && one.object->contact.damping > 0);
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, pace);
       has_changed |= bound.has_changed;
       is_rising_ |= bound.is_rising;
@@ -285,6 +286,7 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
   if (has_changed) evaluated_.changed();
   sharing_ = std::move(sharing);
   note_wanted(wants ? all.wanted : 0);
+  has_damping_.store(has_damping, std::memory_order_relaxed);
   if (told_.size() <= most_told_) return;
   most_told_ = 2 * told_.size();
   std::erase_if(told_, [&](const auto& told) { return !objects.has(told.first); });

@@ -15,6 +15,13 @@
 
 namespace fs {
 
+// What the objects of a scene want that the hand may feel soon, at most; it begins as it is when nobody knows.
+struct SceneWant {
+  double stiffness = never;  // N/m of the loop, of those together; 0: there are none that want any
+  bool has_damping = true;   // any of them has some
+  bool operator==(const SceneWant&) const = default;
+};
+
 class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
  public:
   // reader: the servo's, whose link this is; it works while the scene has this reader.
@@ -28,9 +35,9 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   // with it. One thread at a time; not [rt].
   bool update(const DeviceLimit& limit, double ahead, double rest);
 
-  // N/m of the loop, what the objects that the hand may feel soon want together at most; 0: there are none that want any,
-  // infinite: it is not known. Any thread.
-  double wanted() const noexcept { return wanted_.load(std::memory_order_relaxed); }
+  SceneWant wanted() const noexcept {  // any thread
+    return {wanted_.load(std::memory_order_relaxed), has_damping_.load(std::memory_order_relaxed)};
+  }
 
   void take_max_stiffness() override;
   const std::shared_ptr<const Sharing>& sharing() const noexcept override { return sharing_; }
@@ -52,6 +59,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   std::mutex& mutex_;  // the scene's
   EvaluatedScene& evaluated_;
   std::atomic<double> wanted_{never};
+  std::atomic<bool> has_damping_{true};
 
   // What the last bounds were worked out for.
   struct Basis {

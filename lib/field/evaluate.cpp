@@ -28,6 +28,15 @@ bool find_entry(const Object& object, const Pose& pose, Vec3 position, double ra
     out.law = s < 0 ? &object.law.back : &object.law.front;
     return true;
   }
+  if (object.primitive == FS_PRIMITIVE_POINT) {  // by the same arithmetic as the lanes of standing points
+    out.distance = norm(offset);
+    if (!(out.distance > least_distance && out.distance <= support)) return false;
+    out.direction = (1 / out.distance) * offset;
+    out.tangent = {};
+    out.is_turning = true;
+    out.law = &object.law.front;
+    return true;
+  }
   if (norm(offset) - object.radius > support) return false;
   Closest closest;
   const Vec3 local = rotate(conjugate(pose.orientation), offset);

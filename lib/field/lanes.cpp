@@ -13,8 +13,6 @@ namespace {
 
 using namespace lanes;
 
-constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
-
 FS_INLINE Doubles4 weights_at(const Weight* weights, uint32_t i) {
   if (!weights) return all(1.0);
   return Doubles4{weights[i].value(), weights[i + 1].value(), weights[i + 2].value(), weights[i + 3].value()};

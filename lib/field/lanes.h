@@ -7,6 +7,7 @@
 namespace fs {
 
 inline constexpr uint32_t lane_count = 4;
+inline constexpr double least_distance = 1e-150;  // m: nearer than this to a point there is no direction
 
 // A sum of wrenches and stiffnesses, in lanes.
 struct LaneSum {

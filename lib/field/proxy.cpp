@@ -81,16 +81,14 @@ bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
 bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
   const uint32_t count = plane_count;
   assert(count > 0 && count <= planes.size());
-  double most = std::numeric_limits<double>::infinity();
-  uint32_t best = 0;
-  std::array<double, 3> best_pushes{};
   double depth[3], gram[3][3], margin = 0;
   for (uint32_t i = 0; i < count; ++i) {
     depth[i] = planes[i].offset - dot(planes[i].normal, hand);
     margin = std::max(margin, planes[i].margin / 8);
     for (uint32_t k = 0; k < count; ++k) gram[i][k] = dot(planes[i].normal, planes[k].normal);
   }
-  // Each set of planes: the point that lies on all of them.
+  // Each set of planes: the point that lies on all of them. Where they only push, and no other plane is passed, no point is nearer
+  // (the conditions of Karush, Kuhn and Tucker).
   for (uint32_t set = 1; set < 1u << count; ++set) {
     uint32_t index[3] = {}, size = 0;
     for (uint32_t i = 0; i < count; ++i) {
@@ -127,22 +125,16 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
       const double rounding = margin + 1e-14 * std::fabs(depth[i]);  // a unit vector is one within rounding
       is_good &= dot(planes[i].normal, push) >= depth[i] - rounding;
     }
-    if (!is_good || !(norm(push) < most)) continue;
-    most = norm(push);
-    best = set;
-    best_pushes = {};
-    for (uint32_t i = 0; i < size; ++i) best_pushes[index[i]] = pushed[i];
+    if (!is_good) continue;
     goal = hand + push;
+    for (uint32_t i = 0; i < size; ++i) {
+      planes[i] = planes[index[i]];
+      pushes[i] = pushed[i];
+    }
+    plane_count = size;
+    return true;
   }
-  if (best == 0) return false;
-  uint32_t kept = 0;
-  for (uint32_t i = 0; i < count; ++i) {
-    if (!(best >> i & 1)) continue;
-    planes[kept] = planes[i];
-    pushes[kept++] = best_pushes[i];
-  }
-  plane_count = kept;
-  return true;
+  return false;
 }
 
 uint32_t Planes::span(Vec3 (&basis)[3]) const noexcept {

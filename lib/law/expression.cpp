@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <cstring>
 
 #include "base/error.h"
@@ -79,7 +80,22 @@ size_t lonely_bracket(const std::string& text) {
   return text.find('(');
 }
 
+// For muParser. 0: there is no number here. It may then read what is too large or too small for a double in its own way.
+int read_number(const char* text, int* place, double* out) {
+  if (!std::isdigit(static_cast<unsigned char>(*text)) && *text != '.') return 0;
+  const auto [end, error] = std::from_chars(text, text + std::strlen(text), *out);
+  if (error != std::errc{}) return 0;
+  *place += static_cast<int>(end - text);
+  return 1;
+}
+
 }  // namespace
+
+mu::Parser make_expression_parser() {
+  mu::Parser parser;
+  parser.AddValIdent(read_number);
+  return parser;
+}
 
 void check_expression(const std::string& text) {
   if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_PARSE, "the expression is empty");

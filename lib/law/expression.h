@@ -22,6 +22,10 @@ inline constexpr Variables of_texture{"xyz", "the place x, y, z (m)"};
 // assignment, several results. Throws PARSE; INVALID: it is too long.
 void check_expression(const std::string& text);
 
+// A parser that reads numbers without a stream, as muParser's own reader has: where a stream has no memory, it says that there is
+// no number.
+mu::Parser make_expression_parser();
+
 // What muParser refuses. Throws PARSE. The sentence names the column (from 1), the text there, what is wrong, and what may be meant.
 [[noreturn]] void fail_expression(const std::string& text, const mu::ParserError& error, const Variables& variables);
 

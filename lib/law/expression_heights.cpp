@@ -20,7 +20,7 @@ std::vector<double> heights_of(const fs_surface_settings& settings, const char* 
   std::vector<double> out;
   out.reserve(size_t{settings.columns} * settings.rows);
   try {
-    mu::Parser parser;
+    mu::Parser parser = make_expression_parser();
     for (int i = 0; i < 3; ++i) parser.DefineVar(std::string(1, of_texture.letters[i]), &place[i]);
     parser.SetExpr(expression);
     parser.Eval();

@@ -9,6 +9,7 @@
 #include <muParser.h>
 
 #include "law/curve.h"
+#include "law/expression.h"
 
 namespace fs {
 
@@ -44,7 +45,7 @@ class ExpressionParser final : public Curve::Parser {
 
  private:
   double d_ = 0, t_ = 0;
-  mu::Parser parser_;
+  mu::Parser parser_ = make_expression_parser();
 };
 
 }  // namespace fs

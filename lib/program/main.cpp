@@ -195,6 +195,21 @@ class Usage : public CLI::Formatter {
   }
 };
 
+// The check of an option. A comparison with NaN is false, so is_within refuses it.
+template <class IsWithin>
+CLI::Validator number(const std::string& bound, IsWithin is_within) {
+  const auto check = [=](const std::string& text) {
+    double value = 0;
+    return CLI::detail::lexical_cast(text, value) && is_within(value) ? "" : text + " is not a number " + bound;
+  };
+  return {check, ""};
+}
+CLI::Validator number_within(double least, double most) {
+  char bound[64];
+  std::snprintf(bound, sizeof bound, "from %g to %g", least, most);
+  return number(bound, [=](double value) { return value >= least && value <= most; });
+}
+
 void need(const std::string& value, const char* sentence) {
   if (value.empty()) throw std::runtime_error(sentence);
 }
@@ -202,18 +217,8 @@ void need(const std::string& value, const char* sentence) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const CLI::Validator above_zero(
-      [](const std::string& text) {
-        double value = 0;
-        return CLI::detail::lexical_cast(text, value) && value > 0 ? "" : text + " is not a number above 0";
-      },
-      "");
-  const CLI::Validator not_negative(
-      [](const std::string& text) {
-        double value = 0;
-        return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
-      },
-      "");
+  const CLI::Validator above_zero = number("above 0", [](double value) { return value > 0; });
+  const CLI::Validator not_negative = number("of 0 or more", [](double value) { return value >= 0; });
   CLI::App app("Describe what should be felt; a servo renders it at 1 kHz and more.", "forceserver");
   app.formatter(std::make_shared<Usage>());
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
@@ -269,7 +274,7 @@ int main(int argc, char** argv) {
   watch_command->add_option("server", watch_options.server, server_help)->type_name("");
   watch_command->add_option("--interval", watch_options.interval, "The time between two looks")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.01, 86400.0).description(""))
+      ->check(number_within(0.01, 86400))
       ->capture_default_str();
   watch_command->add_option("--count", watch_options.count, "The number of looks; without it until Ctrl-C")
       ->type_name("N")
@@ -340,7 +345,7 @@ int main(int argc, char** argv) {
       app.add_subcommand("doctor", "What is wrong on this machine, and what cures it: a page for a report");
   doctor_command->add_option("--seconds", doctor_options.seconds, "How long the lateness of a servo is measured")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.1, 10.0).description(""))
+      ->check(number_within(0.1, 10))
       ->capture_default_str();
   doctor_command->add_flag("--json", doctor_options.json, "One JSON document");
   doctor_command->footer(doctor_help);
@@ -354,7 +359,7 @@ int main(int argc, char** argv) {
       ->check(above_zero);
   test_command->add_option("--seconds", test_options.seconds, "How long each measurement takes")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.5, 3600.0).description(""))
+      ->check(number_within(0.5, 3600))
       ->capture_default_str();
   const char* const request_first_help = "First send this to the driver, such as home";
   test_command->add_option("--request", test_options.requests, request_first_help)->type_name("TEXT")->expected(1)->take_all();
@@ -371,7 +376,7 @@ int main(int argc, char** argv) {
   hello_command->add_option("--driver", hello_options.driver, driver_help)->type_name("FILE");
   hello_command->add_option("--force", hello_options.force, "The largest force, 0.1 to 3; without it 1, or what the device has")
       ->type_name("N")
-      ->check(CLI::Range(0.1, 3.0).description(""));
+      ->check(number_within(0.1, 3));
   hello_command->add_option("--report", hello_options.report, "A new file for the report; without it hello-SCHEME-SERIAL.md")
       ->type_name("FILE");
   hello_command->add_option("--request", hello_options.requests, request_first_help)->type_name("TEXT")->expected(1)->take_all();

@@ -228,6 +228,41 @@ START_TEST(max_objects) {
 }
 END_TEST
 
+// The clients together have no more damping than one alone.
+START_TEST(damping_of_clients) {
+  fs_servo_options options = world_options();
+  options.max_stiffness = 2000;
+  options.damping = 0;  // the default
+  ServerRig rig(fs_server_options_init(), options);
+  const Scene me = rig.join("me"), bob = rig.join("bob");
+  fs_object honey = push("honey", 1);
+  honey.damping = 1000;
+  honey.front.limit = 500;
+  const auto damping = [&] {
+    constexpr double speed = 0.01;
+    const fs_vec3 before = rig.fake.written.force;
+    rig.fake.state.twist.linear.y = speed;
+    rig.step();
+    const fs_vec3 after = rig.fake.written.force;
+    rig.fake.state.twist.linear.y = 0;
+    rig.step();
+    return (before.y - after.y) / speed;
+  };
+  const auto set_and_wait = [&](const Scene& scene) {
+    set(scene, honey);
+    rig.settle(scene.get());
+    rig.step(1000);
+  };
+  // Of a device that does not tell its mass, without delay: less the local damping.
+  const double most = 0.7 * 0.05 / 0.0005 - stats_of(rig.base.get()).damping;
+  for (const Scene* const scene : {&me, &bob}) {
+    set_and_wait(*scene);
+    double felt = 0;  // the bounds come from a thread, which a busy machine may hold up
+    ck_assert_msg(eventually([&] { return std::fabs((felt = damping()) - most) < 1e-6; }), "%g, not %g N s/m", felt, most);
+  }
+}
+END_TEST
+
 // What can be rendered is shared among the clients of which the hand can reach something, by what they want.
 START_TEST(stiffness_of_clients) {
   fs_servo_options options = world_options();
@@ -765,7 +800,7 @@ int main() {
   Suite* suite = suite_create("connected_bounds");
   add_once(suite, "in", {connecting, places, comings_and_goings, a_server_that_comes_later,
                          what_is_not_for_connected_scenes, bad_servers});
-  add_once(suite, "much", {max_objects, stiffness_of_clients, max_megabytes, refused_and_set_again});
+  add_once(suite, "much", {max_objects, damping_of_clients, stiffness_of_clients, max_megabytes, refused_and_set_again});
   add_once(suite, "long", {a_big_mesh, second_thoughts, views_wait_too, edits_wait_for_shapes});
   add_once(suite, "end", {a_server_that_goes, a_client_that_goes});
   return run_suite(suite);

@@ -512,6 +512,30 @@ START_TEST(moving_objects_push) {
 }
 END_TEST
 
+// What carries a proxy along and comes back has it exactly where it was.
+START_TEST(a_proxy_is_carried_without_rounding) {
+  Hand hand;
+  fs_contact contact = solid(FS_KEEP_FRONT);
+  contact.friction = 2;
+  const fs_object table = hand.plane("table", {0, 0, 0}, {0.1, 0.2, 0.97}, contact);
+  const fs_twist still{};
+  hand.go({0.01, 0, 0.01});
+  hand.slide({0.01, 0, -0.01});
+  const fs_vec3 before = hand.go(hand.x);
+  Random random(8);
+  for (int i = 0; i <= 200; ++i) {
+    fs_pose pose = table.pose;
+    if (i < 200) {
+      pose.position = random.in_box(0.001);
+      OK(fs_pose_from_z(pose.position, fs_vec3{0.1, 0.2, 0.97} + random.in_box(0.01), &pose));
+    }
+    OK(fs_object_move(hand.scene.get(), "table", &pose, &still, hand.time + dt));
+    hand.go(hand.x);
+  }
+  EXPECT_VECTOR(hand.felt.wrench.force, before, 0);
+}
+END_TEST
+
 // A hand at rest that is crushed between a floor that rises and a ceiling that comes down feels both; when they part they share
 // a proxy again. How they are tilted makes no step.
 START_TEST(a_crushed_hand_feels_each) {
@@ -696,6 +720,7 @@ START_TEST(tools_of_several_points) {
   EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 2}), 1e-9);  // the sum
   EXPECT_VECTOR(hand.felt.wrench.torque, (fs_vec3{}), 1e-12);
   EXPECT_VECTOR(hand.slide({0, 0, -0.002}), (fs_vec3{0, 0, 3}), 1e-9);  // the limit is that of the sum
+  EXPECT_NEAR(hand.felt.stiffness.zz, 0, 1e-9);
   // Tilted about y only one point touches; the proxy turns with it.
   fs_state state = hand_at({0, 0, 0.0009}, hand.time + dt);
   const double a = 0.1;
@@ -1125,7 +1150,7 @@ int main() {
                              letting_go_is_no_step, what_is_left_of_a_jump_stays_within_the_limit, a_profile_at_an_edge_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
-  add_case(suite, "motion", {moving_objects_push, a_crushed_hand_feels_each});
+  add_case(suite, "motion", {moving_objects_push, a_proxy_is_carried_without_rounding, a_crushed_hand_feels_each});
   add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
                             a_hundred_solids_come_and_go_at_once, a_profile_above_a_solid_fades,
                             a_mesh_is_replaced_while_it_is_touched, a_mesh_that_sinks_takes_the_proxy_along,

@@ -388,9 +388,8 @@ static size_t count_files(const Folder& folder) {
   return count;
 }
 
-// One of everything that a file can hold. Expressions are only saved, not loaded: muParser reads numbers through a
-// stream, which hides that memory has run out and reports a bad number.
-static Content contents_of_a_file(bool with_expression) {
+// One of everything that a file can hold.
+static Content contents_of_a_file() {
   Content content = ball(20);
   const std::vector<fs_vec3> line{{0, 0, 0}, {0.1, 0, 0}, {0.1, 0.2, 0}};
   content.add_shape("line", make_polyline(line.data(), 3, true)).front = attract(50, 1);
@@ -399,7 +398,7 @@ static Content contents_of_a_file(bool with_expression) {
   custom.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 9);
   custom.front.curve = content.keep(make_table(table, 3, 0.01), {});
   custom.start = 3;
-  if (with_expression && has_expressions()) {
+  if (has_expressions()) {
     fs_object& other = content.add("expression", FS_PRIMITIVE_POINT);
     other.front = custom.front;
     other.front.curve = content.keep(make_expression("3*(1+sin(12*t))*exp(-d/0.01)"), {});
@@ -409,7 +408,7 @@ static Content contents_of_a_file(bool with_expression) {
 
 START_TEST(a_scene_is_saved) {
   const Scene scene = make_scene();
-  fill(scene.get(), contents_of_a_file(true));
+  fill(scene.get(), contents_of_a_file());
   OK(fs_scene_set_time(scene.get(), 10));
   for (const bool for_good : {false, true}) {
     const int count = each_allocation(for_good, [&](const auto& failing) {
@@ -435,7 +434,7 @@ START_TEST(a_scene_is_loaded) {
   const std::string path = folder / "scene.json";
   {
     const Scene scene = make_scene();
-    fill(scene.get(), contents_of_a_file(false));
+    fill(scene.get(), contents_of_a_file());
     OK(fs_scene_save(scene.get(), path.c_str()));
   }
   for (const bool for_good : {false, true}) {
@@ -455,6 +454,28 @@ START_TEST(a_scene_is_loaded) {
       OK(fs_scene_load(scene.get(), path.c_str()));
     });
     ck_assert_int_gt(count, 100);
+  }
+}
+END_TEST
+
+START_TEST(expressions_are_read) {
+  if (!has_expressions()) return;
+  fs_surface_settings settings = fs_surface_settings_init();
+  settings.columns = settings.rows = 4;
+  settings.column_width = settings.row_width = 0.01;
+  for (const bool for_good : {false, true}) {
+    const int of_curve = each_allocation(for_good, [&](const auto& failing) {
+      fs_curve* curve = nullptr;
+      failing([&] { return fs_curve_create_expression("1.5e1+.5*sin(2*d*t)", &curve); });
+      fs_curve_destroy(curve);
+    });
+    const int of_surface = each_allocation(for_good, [&](const auto& failing) {
+      fs_surface* surface = nullptr;
+      failing([&] { return fs_surface_create_expression(&settings, "-0.001*(1+sin(100*x))", &surface); });
+      fs_surface_destroy(surface);
+    });
+    ck_assert_int_gt(of_curve, 100);
+    ck_assert_int_gt(of_surface, 100);
   }
 }
 END_TEST
@@ -600,7 +621,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("memory");
   add_case(suite, "the test", {allocations_are_seen, the_first_object, a_group_after_a_failed_commit, a_mesh_in_little_memory});
-  add_case(suite, "files", {a_scene_is_saved, a_scene_is_loaded, bad_files_and_meshes_are_read});
+  add_case(suite, "files", {a_scene_is_saved, a_scene_is_loaded, expressions_are_read, bad_files_and_meshes_are_read});
   add_case(suite, "server", {a_server_is_started});
   for (int k = 0; k < static_cast<int>(calls().size()); ++k) {
     TCase* test_case = tcase_create(calls()[static_cast<size_t>(k)].name);

@@ -166,6 +166,35 @@ START_TEST(a_motion_as_evaluation) {
 }
 END_TEST
 
+// A point is evaluated in another way while it stands, together with other standing points.
+START_TEST(a_moving_point_as_a_standing_one) {
+  const fs_profile profiles[]{constant(FS_SENSE_REPULSIVE, 2),
+                              attract(50, 1000),
+                              fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -3, 20, 1000),
+                              fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_ATTRACTIVE, 4, 0.7, 1000),
+                              fs_profile_init(FS_PROFILE_QUADRATIC, FS_SENSE_ATTRACTIVE, 3, 0.1, 1000),
+                              fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_REPULSIVE, 0.4, 0.1, 1000)};
+  Random random(12);
+  for (int k = 0; k < 1200; ++k) {
+    fs_object o = fs_object_init("a", FS_PRIMITIVE_POINT);
+    o.front = profiles[k % 6];
+    o.pose = random.pose(1);
+    o.twist = {random.in_box(1), random.in_box(10)};
+    o.time = 7;
+    const Scene moving = make_scene(), standing = make_scene();
+    set(moving, o);
+    const double time = 7 + random.between(0, 0.2);
+    o.pose.position = pose_at(motions_of(moving.get()).front(), time).position;
+    o.twist = {};
+    set(standing, o);
+    const fs_vec3 there = random.in_box(1);
+    const fs_response a = evaluate(make_tool(moving.get()).get(), hand_at(there, time)),
+                      b = evaluate(make_tool(standing.get()).get(), hand_at(there, time));
+    ck_assert(norm(a.wrench.force) > 0 && std::memcmp(&a, &b, sizeof a) == 0);
+  }
+}
+END_TEST
+
 // A point is reported where the servo has felt it.
 START_TEST(a_motion_as_the_servo) {
   World w(_i);
@@ -287,6 +316,6 @@ int main() {
   tcase_add_loop_test(worlds, a_frame_as_the_servo, 0, 2);
   tcase_add_loop_test(worlds, a_motion_as_the_servo, 0, 2);
   suite_add_tcase(suite, worlds);
-  add_case(suite, "alone", {a_frame_by_its_formula_and_back, a_motion_as_evaluation, a_motion_by_its_formula, bad_input});
+  add_case(suite, "alone", {a_frame_by_its_formula_and_back, a_motion_as_evaluation, a_moving_point_as_a_standing_one, a_motion_by_its_formula, bad_input});
   return run_suite(suite);
 }

@@ -456,7 +456,7 @@ START_TEST(later_changes_come_later) {
 }
 END_TEST
 
-// The answer to a pull of an object that waits for its shape says of which.
+// The answer to a pull of an object that waits for its shape says of which. It does not count as applied until it is there.
 START_TEST(a_pull_of_what_waits) {
   Rig rig;
   RawClient client = rig.join("waits");
@@ -468,12 +468,12 @@ START_TEST(a_pull_of_what_waits) {
     Object line = fs::to_record(push("line", 0.1));
     line.primitive = FS_PRIMITIVE_POLYLINE;
     line.shape = id;
-    client.set(0, line);
+    const uint64_t set_serial = client.set(0, line);
     const auto reply = client.reply_of(client.send(type_pull, target_of("line")));
     ck_assert_int_eq(client.status_of(reply), FS_OK);
     const PullAnswer& told = reply->as<PullAnswer>();
     ck_assert_str_eq(told.object.name, "line");
-    has_waited = told.state == pulled_waiting;
+    has_waited = told.state == pulled_waiting && client.outbox->applied.load() < set_serial;
     ck_assert_int_eq(rig.sync(client), FS_OK);
   }
   ck_assert(has_waited);

@@ -42,6 +42,29 @@ expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
 
+# A number option says of what is no number within its bound, NaN too, which bound it has.
+refused_number() {  # WORD BOUND COMMAND... OPTION
+  expect 2 "^forceserver: ${*: -1}: $1 is not a number $2\$" "$program" "${@:3}" "$1"
+}
+for word in nan -nan x; do
+  refused_number $word 'above 0' run --duration
+  refused_number $word 'above 0' run --rate
+  refused_number $word 'above 0' run --force-limit
+  refused_number $word 'above 0' run --listen lab --client-force
+  refused_number $word 'above 0' check a.stl --scale
+  refused_number $word 'above 0' test-device sim: --push
+  refused_number $word 'of 0 or more' evaluate a.json --time
+  refused_number $word 'of 0 or more' test-device sim: --wait
+  refused_number $word 'of 0 or more' hello-device sim: --wait
+  refused_number $word 'from 0.01 to 86400' watch lab --interval
+  refused_number $word 'from 0.1 to 10' doctor --seconds
+  refused_number $word 'from 0.5 to 3600' test-device sim: --seconds
+  refused_number $word 'from 0.1 to 3' hello-device sim: --force
+done
+refused_number 10.1 'from 0.1 to 10' doctor --seconds
+refused_number 0.09 'from 0.1 to 10' doctor --seconds
+expect 2 '^forceserver: --count: Value nan not in range 1 to 1000000000$' "$program" watch lab --count nan
+
 # calibrate: steps, a step that fails and is done again, giving up, devices that cannot be calibrated.
 expect 2 'calibrate needs a device' "$program" calibrate
 expect 2 "'sim' has no requests" "$program" calibrate sim:

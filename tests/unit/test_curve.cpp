@@ -159,6 +159,11 @@ START_TEST(expression_values) {
   ck_assert_double_eq(value("min(d, t)", 0.4, 7).force, 0.4);
   ck_assert_double_eq(value("max(1, (2), t)", 0.4, 7).force, 7);
   ck_assert_double_eq(value("d >= 0.4 && t <= 7 && d != t && d == d", 0.4, 7).force, 1);
+  for (const char* number : {"0", "1.", ".5", "0.1", "007", "2.5e3", "1E-3", "1.e+2", "17976931348623157e292", "5e-324", "1e-400",
+                             "0.1000000000000000055511151231257827021181583404541015625"}) {
+    ck_assert_double_eq(value(number, 0.1, 0).force, std::strtod(number, nullptr));
+    ck_assert_double_eq(value((std::string("-(-") + number + ")").c_str(), 0.1, 0).force, std::strtod(number, nullptr));
+  }
   for (const char* nothing : {"-1", "1/0", "0/0", "-1/0", "sqrt(-1)", "ln(-1)", "exp(1e9)"}) {
     ck_assert_double_eq(value(nothing, 0.1, 0).force, 0);
     ck_assert_double_eq(value(nothing, 0.1, 0).slope, 0);
@@ -234,6 +239,9 @@ START_TEST(expression_refusals) {
   refused(FS_ERROR_PARSE, "sin(1,2)", "column");
   refused(FS_ERROR_PARSE, "d ? 1", "column");
   refused(FS_ERROR_PARSE, "x", "at 'x'");
+  refused(FS_ERROR_PARSE, "1e400", "column 1 of the expression, at '1e400'");
+  refused(FS_ERROR_PARSE, "1..2", "column 3 of the expression, at '.'");
+  for (const char* text : {".", "inf", "nan", "0x10", "2e"}) refused(FS_ERROR_PARSE, text, "column ");
   make_expression_curve((std::string(127, '(') + "d" + std::string(127, ')')).c_str());
   std::string minus = "d";
   while (minus.size() + 3 <= 255) minus = "-(" + minus + ")";

@@ -1,4 +1,4 @@
-// Rows in lanes, and which row an object gets.
+// Rows in lanes, which row an object gets, and planes that hold a point.
 #include <cmath>
 #include <cstring>
 #include <set>
@@ -6,6 +6,7 @@
 #include "base/processor.h"
 #include "field/evaluate.h"
 #include "field/lanes.h"
+#include "field/proxy.h"
 #include "force_fixtures.h"
 #include "scene/row_space.h"
 
@@ -263,4 +264,39 @@ START_TEST(rows_are_given_among_neighbours) {
 }
 END_TEST
 
-int main() { return run("field", {lanes_agree, contacts_agree, capped_contacts_agree, rows_are_given_among_neighbours}); }
+// The nearest allowed place is the one to which planes that touch it push, and none of them pulls.
+START_TEST(planes_hold_at_the_nearest_place) {
+  Random random(21);
+  int held = 0;
+  for (int i = 0; i < 20000; ++i) {
+    Planes all;
+    all.plane_count = 1 + static_cast<uint32_t>(random.below(3));
+    const Vec3 hand = random.in_box(1);
+    for (uint32_t k = 0; k < all.plane_count; ++k) {
+      const Vec3 normal = random.direction();
+      all.planes[k] = {normal, dot(normal, hand) + random.between(k == 0 ? 0 : -1, 1), 0, k};
+    }
+    Planes by = all;
+    Vec3 goal{};
+    if (!by.hold(hand, goal)) continue;
+    ++held;
+    ck_assert(by.plane_count >= 1 && by.plane_count <= all.plane_count);
+    for (uint32_t k = 0; k < all.plane_count; ++k) ck_assert_double_ge(dot(all.planes[k].normal, goal) - all.planes[k].offset, -1e-9);
+    Vec3 pushed = hand;
+    for (uint32_t k = 0; k < by.plane_count; ++k) {
+      ck_assert_double_ge(by.pushes[k], 0);
+      ck_assert_double_eq(by.planes[k].offset, all.planes[by.planes[k].member].offset);
+      pushed += by.pushes[k] * by.planes[k].normal;
+      const double rounding = 1e-9 * (1 + norm(goal));
+      ck_assert_double_le(std::fabs(dot(by.planes[k].normal, goal) - by.planes[k].offset), rounding);
+    }
+    ck_assert(pushed == goal || norm(pushed - goal) <= 1e-12 * norm(goal));
+  }
+  ck_assert_int_gt(held, 18000);
+}
+END_TEST
+
+int main() {
+  return run("field", {lanes_agree, contacts_agree, capped_contacts_agree, rows_are_given_among_neighbours,
+                       planes_hold_at_the_nearest_place});
+}

@@ -56,6 +56,8 @@ START_TEST(guard_limits_ramps_and_latches) {
   Wrench sent = guard.apply({state, false, 0}, wanted).wrench;
   ck_assert(sent.force == Vec3{});
   ck_assert_uint_eq(guard.faults(), FS_FAULT_DEVICE);
+  guard.set_enabled(true);
+  ck_assert_uint_eq(guard.faults(), FS_FAULT_DEVICE);  // it ends when the device is ready
   for (int i = 1; i <= 600; ++i) {
     sent = guard.apply({state, true, 0}, wanted).wrench;
     ck_assert_double_eq_tol(norm(sent.force), 10 * std::fmin(1, i / 500.0), 1e-9);
