@@ -109,8 +109,8 @@ has_package_index() {
 # is none.
 environment=$root/build/picture
 make_environment() {
-  [ "$(cat "$environment/made_for" 2> /dev/null)" != "$(python3 --version 2>&1)" ] || return 0
   command -v python3 > /dev/null || { echo "python3 is missing (Debian: python3)"; return 1; }
+  [ ! -e "$environment/made_for" ] || [ "$(cat "$environment/made_for")" != "$(python3 --version 2>&1)" ] || return 0
   python3 -c 'import venv, ensurepip' || { echo "Python has no venv (Debian: python3-venv)"; return 1; }
   if ! { rm -rf "$environment" && python3 -m venv "$environment" &&
     "$environment/bin/pip" install -q --retries 1 --timeout 20 matplotlib &&

@@ -220,23 +220,44 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
   if (views_left_ > 0) --views_left_;
 }
 
-// What is left of jumps. A force that has turned meanwhile would pass its limit with it: the sum of both is cut, which makes no step,
-// as a cut vector changes by no more than the vector.
+// What is left of jumps. With a force that has turned meanwhile it would pass the limit of its object, all versions together: then
+// it is cut, which makes no step, as a cut vector changes by no more than the vector.
 void Proxies::add_rests(Rests& rests, fs_response& out) noexcept {
-  for (Rests::Rest& rest : rests.all()) {
-    const auto all = solids();
-    auto solid = std::ranges::find(all, rest.version, &Solid::version);
-    if (solid == all.end()) solid = std::ranges::find(all, rest.version, &Solid::takes_over);
-    if (solid == all.end()) {  // out of reach, or gone
-      out.wrench = out.wrench + rest.wrench;
-      continue;
+  std::array<Solid*, Rests::most> of{};  // null: out of reach, or gone
+  const auto all = solids();
+  for (uint32_t i = 0; i < rests.count; ++i) {
+    Rests::Rest& rest = rests.rests[i];
+    auto solid = rest.version ? std::ranges::find(all, rest.version, &Solid::version) : all.end();
+    if (solid == all.end() && rest.version) {  // a version that has taken over everything goes on with it
+      solid = std::ranges::find(all, rest.version, &Solid::takes_over);
+      if (solid != all.end() && solid->weight < 1) solid = all.end();
     }
-    const Law& law = solid->object->law;
-    const double profiles = law.support >= 0 ? std::max(law.limit(1), law.limit(-1)) : 0;
-    const double limit = std::max(solid->weight * (solid->object->contact.limit + profiles), norm(solid->sum.force));
-    const Wrench whole = solid->sum + rest.wrench, cut = part_within(limit, norm(whole.force)) * whole;
-    rest.wrench = cut + -1.0 * solid->sum;
-    solid->sum = cut;
+    rest.version = solid == all.end() ? 0 : solid->version;  // from now on nobody's: it would be a step to cut it later
+    of[i] = solid == all.end() ? nullptr : &*solid;
+  }
+  for (uint32_t i = 0; i < rests.count; ++i) {
+    if (!of[i]) continue;
+    const auto is_of_object = [&](const Solid* solid) { return solid && solid->object->name == of[i]->object->name; };
+    if (std::any_of(of.begin(), of.begin() + i, is_of_object)) continue;
+    Wrench sum{};
+    double limit = 0;
+    for (const Solid& solid : all) {
+      if (!is_of_object(&solid)) continue;
+      const Law& law = solid.object->law;
+      const double profiles = law.support >= 0 ? std::max(law.limit(1), law.limit(-1)) : 0;
+      limit += solid.weight * (solid.object->contact.limit + profiles);
+      sum = sum + solid.sum;
+    }
+    Wrench whole = sum;
+    for (uint32_t k = i; k < rests.count; ++k) {
+      if (is_of_object(of[k])) whole = whole + rests.rests[k].wrench;
+    }
+    const double part = part_within(std::max(limit, norm(sum.force)), norm(whole.force));
+    if (part < 1) rests.rests[i].wrench = rests.rests[i].wrench + (part - 1) * whole;
+  }
+  for (uint32_t i = 0; i < rests.count; ++i) {
+    Wrench& to = of[i] ? of[i]->sum : out.wrench;
+    to = to + rests.rests[i].wrench;
   }
 }
 

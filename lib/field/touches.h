@@ -35,15 +35,15 @@ struct Pull {
 // What remains of jumps of the force, and is still taken away.
 struct Rests {
   struct Rest {
-    uint64_t version;  // of the solid that jumped
+    uint64_t version;  // of the solid that jumped; 0: of none that is still there, or of several
     Wrench wrench;     // N, N m
   };
   double time = 0;     // s, for which it is left
   uint32_t count = 0;
-  std::array<Rest, 16> rests;
+  static constexpr uint32_t most = 16;
+  std::array<Rest, most> rests;
 
   std::span<const Rest> all() const noexcept { return {rests.data(), count}; }
-  std::span<Rest> all() noexcept { return {rests.data(), count}; }
   // [rt] As it is `step` seconds after another tick; null: nothing is left.
   void begin(const Rests* last, double step) noexcept {
     count = 0;
@@ -54,7 +54,7 @@ struct Rests {
   void add(uint64_t version, const Wrench& wrench) noexcept {  // [rt]
     uint32_t i = 0;
     while (i < count && rests[i].version != version) ++i;
-    if (i == rests.size()) --i;  // full: it is added to the last, so that the sum stays right
+    if (i == rests.size()) rests[--i].version = 0;  // full: it is added to the last, so that the sum stays right
     if (i == count) rests[count++] = {version, {}};
     rests[i].wrench = rests[i].wrench + wrench;
   }
