@@ -109,8 +109,8 @@ has_package_index() {
 # is none.
 environment=$root/build/picture
 make_environment() {
+  [ ! -e "$environment/is_complete" ] || return 0
   command -v python3 > /dev/null || { echo "python3 is missing (Debian: python3)"; return 1; }
-  [ ! -e "$environment/made_for" ] || [ "$(cat "$environment/made_for")" != "$(python3 --version 2>&1)" ] || return 0
   python3 -c 'import venv, ensurepip' || { echo "Python has no venv (Debian: python3-venv)"; return 1; }
   if ! { rm -rf "$environment" && python3 -m venv "$environment" &&
     "$environment/bin/pip" install -q --retries 1 --timeout 20 matplotlib &&
@@ -118,7 +118,7 @@ make_environment() {
     echo "pip cannot install matplotlib"
     return 1
   fi
-  python3 --version > "$environment/made_for"
+  touch "$environment/is_complete"
 }
 
 # need_driver URI: ends with a message where no driver can open such a device.

@@ -10,10 +10,13 @@ The force is not computed again, as that needs the device; a checksum tells whet
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import signal
 import sys
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TextIO
 
@@ -56,6 +59,16 @@ def _of_ground(ground: Ground) -> str:
     return hashlib.sha256(ground.half.tobytes() + ground.grid.tobytes()).hexdigest()
 
 
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C and SIGTERM, which end the program, come before or after: a line is counted if it is written."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Recorder:
     """A line for each frame, as JSON, which keeps every bit of a number. The last has the number of frames and a checksum."""
 
@@ -69,11 +82,14 @@ class Recorder:
     def add(self, hand: fs.Hand, time: float, world: World) -> None:
         """After the frame. force: N, what the device got when the frame began."""
         force = [float(x) for x in hand.sent.force]
-        self._write({"time": time} | _of_hand(hand) | {"force": force} | _of_world(world))
-        self.frames += 1
+        line = {"time": time} | _of_hand(hand) | {"force": force} | _of_world(world)
+        with _uninterrupted():
+            self._write(line)
+            self.frames += 1
 
     def end(self) -> None:
-        self._write({"frames": self.frames, "checksum": self.checksum})
+        with _uninterrupted():
+            self._write({"frames": self.frames, "checksum": self.checksum})
 
     def _write(self, line: dict[str, Any]) -> None:
         text = json.dumps(line) + "\n"

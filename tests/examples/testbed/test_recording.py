@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
+import random
+import signal
 import sys
+import threading
 import zlib
 from pathlib import Path
 
@@ -57,6 +62,35 @@ def test_a_whole_one(lines, replayed):
     assert replayed(lines) == (0, "40 frames, all with the same bits\n")
     assert with_end(lines[:-1]) == lines
     assert json.loads(lines[0])["terrain"] == "examples/quickstart_source/jacksboro_fault.asc"  # in any folder
+
+
+def test_signals_come_between_lines() -> None:
+    """The program ends by them, wherever they find it; what it has written is whole all the same."""
+    world = World()
+    hand = hand_at([0.6, 0.1, 0], 0)
+
+    class Ended(Exception):
+        pass
+
+    def end(*_: object) -> None:
+        raise Ended
+
+    before = signal.signal(signal.SIGTERM, end)
+    delay = random.Random(1)
+    try:
+        for _ in range(200):
+            file = io.StringIO()
+            recorder = Recorder(file, "drive", terrain_file, world.ground)
+            timer = threading.Timer(delay.uniform(0, 2e-3), os.kill, (os.getpid(), signal.SIGTERM))
+            with pytest.raises(Ended):
+                timer.start()
+                while True:
+                    recorder.add(hand, 0, world)
+            recorder.end()
+            written = file.getvalue().splitlines()
+            assert with_end(written[:-1]) == written
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_cut_short_or_changed(lines, replayed):
