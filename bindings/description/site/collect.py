@@ -2,8 +2,8 @@
 
 collect.py ROOT SOURCE
 
-A page keeps its place, but .github is called project; README.md becomes index.md. A link to a page leads to that page of the site, one to another file
-lets the reader download it, and one to a folder without a page leads to a list of its files. navigation.md has the order of
+A page keeps its place, but .github is called project; README.md becomes index.md. A link to a page leads to that page of the
+site, one to another file lets the reader download it, and one to a folder without a page leads to a list of its files. navigation.md has the order of
 the pages.
 """
 import os
