@@ -11,11 +11,13 @@ fail() {
   failures=$((failures + 1))
 }
 
-# await_push SECONDS: until the motors push, and no longer than that; the person then knows which way.
-await_push() {
-  for _ in $(seq $((10 * $1))); do
+# await_push SECONDS: until the motors push, and no longer than that; the person then knows which way. await_rest: until they do not.
+await_push() { await '[^n]' "$1"; }
+await_rest() { await n "$1"; }
+await() {
+  for _ in $(seq $((10 * $2))); do
     way=$(< felt)
-    [ "$way" = n ] || return
+    [[ $way == $1 ]] && return
     sleep 0.1
   done
 }
@@ -53,7 +55,7 @@ person() {
       *:"Which way does it push?"*) await_push 1; sleep 0.3; echo "$way" ;;
       *:"Touch the ball"*) hold b; await_push 5; [ "$1" = timid ] && echo t || echo Y ;;
       *:"Go into the ball"*) hold r; echo; hold b; await_push 5; echo ;;
-      *:"Is there no force any more?"*) [ "$(< felt)" = n ] && echo y || echo n ;;
+      *:"Is there no force any more?"*) await_rest 2; [ "$way" = n ] && echo y || echo n ;;
     esac
   done 2> /dev/null
 }
