@@ -242,8 +242,8 @@ expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 
   { echo "FAILED: the record has other columns"; failures=$((failures + 1)); }
 [ "$(awk -F, '{ print NF }' ticks.csv | sort -u)" = 24 ] || { echo "FAILED: a line of the record is not whole"; failures=$((failures + 1)); }
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
-awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
-  { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
+awk -F, 'NR > 2 && $1 <= last { print "FAILED: the tick at " $1 " is recorded after that at " last; bad = 1 } { last = $1 }
+  END { if (NR < 20) print "FAILED: the record has only " NR - 1 " ticks"; exit bad || NR < 20 }' ticks.csv || failures=$((failures + 1))
 expect 2 '^forceserver: .*no-such' "$program" run --device no-such: --duration 1
 expect 2 '^forceserver: cannot write no/folder/ticks.csv: ' "$program" run --duration 1 --record no/folder/ticks.csv
 if [ -w /dev/full ]; then
@@ -522,7 +522,7 @@ json() {  # FILE PYTHON: a statement about d, what each line of the file holds
   python3 -c "
 import json, sys
 for d in map(json.loads, open('$1')):
-    $2" || fail "$1 is not as expected"
+    $2" || { fail "$1 is not as expected: $2"; cat "$1"; }
 }
 user=$(id -un)
 expect 2 "no server of user $user listens at shm:$name; .* --listen $name; .*'$name\?user=NAME'$" \
@@ -559,7 +559,7 @@ if command -v python3 > /dev/null; then
   python3 -m json.tool clients.json > /dev/null || fail "clients --json is not JSON"
   "$program" watch "$name" --json --interval 0.1 --count 3 > looks.json
   [ "$(wc -l < looks.json)" = 3 ] || fail "watch --count 3 has not written 3 lines"
-  json looks.json "assert d['servo']['new_ticks'] > 10 and d['servo']['faults'] == []"
+  json looks.json "assert d['servo']['new_ticks'] > 0 and d['servo']['faults'] == []"
   json looks.json "assert 'watch-$watcher' in [c['name'] for c in d['clients']]"
   json looks.json "assert [c['force_limit'] for c in d['clients']] == [25, 5]"
   json looks.json "floor = [o for o in d['objects'] if (o['client'], o['name']) == ('server', 'floor')][0]
@@ -673,6 +673,7 @@ grep -q "^the force stopped: the hand was above speed_limit, [0-9.]* m/s; .force
 echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a)"', '"$(wall_of b)"']}' > two.json
 listen two.json
 until_says '^server/a .* [0-9.]+ of 4000 +b$' "$program" watch "$name" --count 1
+until_says '^server/b .* [0-9.]+ of 4000 +a$' "$program" watch "$name" --count 1
 "$program" watch "$name" --count 1 --json > looks.json
 json looks.json "assert [o['shares_with'] for o in d['objects'][:2]] == ['b', 'a']"
 kill -INT $server
