@@ -1,8 +1,6 @@
 // What test-device and hello-device do with a device.
 #pragma once
 
-#include <signal.h>
-
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,17 +19,12 @@ struct Interrupted {};
 // while the driver hangs.
 class ForceEnding {
  public:
-  ForceEnding() { pthread_sigmask(SIG_SETMASK, nullptr, &before_), ending_.emplace(); }
-  ForceEnding(const ForceEnding&) = delete;
-  ForceEnding& operator=(const ForceEnding&) = delete;
-  ~ForceEnding() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
   void pause(double seconds) const {
-    if (ending_->wait(seconds)) throw Interrupted();
+    if (ending_.wait(seconds)) throw Interrupted();
   }
 
  private:
-  sigset_t before_;
-  std::optional<Ending> ending_;
+  Ending ending_;
 };
 
 void describe_machine(DevicePage& page, const std::string& uri);         // this machine, and the driver

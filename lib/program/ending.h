@@ -1,27 +1,50 @@
 // The end of a command that goes on until Ctrl-C.
 #pragma once
 
-#include <pthread.h>
+#include <poll.h>
 #include <signal.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
+#include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstdint>
 #include <ctime>
+#include <stdexcept>
 
-// Blocks the signals that end a program in every thread, and waits for them here. So nothing is interrupted half-way,
-// and the program always sets the force to 0 and restores the terminal. It must exist before the program starts any
-// thread; the library's own threads block these signals anyway.
+// While it exists, the signals that end a program end nothing: wait() tells of them. So the program always sets the force
+// to 0 and restores the terminal. These are handlers, as a mask would not hold for the threads that a driver has started.
+// One at a time.
 class Ending {
  public:
   Ending() {
-    sigemptyset(&signals_);
-    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) sigaddset(&signals_, signal);
-    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    if (event_ < 0) event_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (event_ < 0) throw std::runtime_error("there is no file descriptor left to wait for signals with");
+    struct sigaction action{};
+    action.sa_handler = [](int) {
+      const int before = errno;
+      const std::uint64_t one = 1;
+      if (write(event_, &one, sizeof one) < 0) {}  // it is full: it has told already
+      errno = before;
+    };
+    action.sa_flags = SA_RESTART;
+    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &action, &before_[i]);
   }
-  bool wait(double seconds) const {  // true: a signal asked us to end
+  Ending(const Ending&) = delete;
+  Ending& operator=(const Ending&) = delete;
+  ~Ending() {
+    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &before_[i], nullptr);
+  }
+  bool wait(double seconds) const {  // true: a signal has asked us to end
     const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
-    return sigtimedwait(&signals_, nullptr, &time) > 0;
+    pollfd asked = {event_, POLLIN, 0};
+    ppoll(&asked, 1, &time, nullptr);  // any signal ends it
+    return poll(&asked, 1, 0) > 0;
   }
 
  private:
-  sigset_t signals_;
+  static constexpr std::array<int, 4> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+  static inline int event_ = -1;
+  std::array<struct sigaction, 4> before_;
 };

@@ -324,12 +324,13 @@ int run(const RunOptions& options) {
   std::unique_ptr<Record> record;
   if (!options.record.empty()) record = std::make_unique<Record>(options.record);
 
+  std::optional<Ending> ending;  // until the device is closed
   const Device device = Device::open(options.device);
   const fs_device_info info = device.get_info();
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.rate = options.rate;
   servo_options.force_limit = options.force_limit;
-  const Ending ending;  // before this line nothing is felt, and a signal ends the program at once
+  ending.emplace();  // before this line nothing is felt, and a signal ends the program at once
   const Servo servo = Servo::start(scene, device, &servo_options);
   Server server;
   if (!options.listen.empty()) {
@@ -370,7 +371,7 @@ int run(const RunOptions& options) {
   for (bool over = false; !over;) {
     double elapsed = Seconds(Clock::now() - start).count();
     const double left = options.duration > 0 ? options.duration - elapsed : sample;
-    over = left <= 0 || ending.wait(std::min(left, sample));
+    over = left <= 0 || ending->wait(std::min(left, sample));
     elapsed = Seconds(Clock::now() - start).count();
     // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
     const fs_servo_stats now = scene.get_servo_stats();

@@ -161,6 +161,17 @@ for hangs in open control; do
   done
 done
 
+# Nor does it take a signal that must wait until there is no force: here the second and third ones, in a thread of the driver. (bash has SIGINT ignored here.)
+"$program" run --driver "$troubled_driver" --device troubled:threaded > threaded 2>&1 &
+runs=$!
+until_says 'Ctrl-C ends$' cat threaded
+for _ in 1 2 3; do
+  kill -TERM $runs
+  sleep 0.1
+done
+wait $runs
+[ $? = 0 ] && grep -q '^the device is closed$' threaded || fail "a second signal ends run before the device is closed"
+
 if command -v python3 > /dev/null; then
   "$program" devices --json > devices.json
   python3 -c "

@@ -6,8 +6,10 @@
  * control    the function control hangs
  * delay      it tells of a delay of 0.022 ms, and measures one of 0.721 ms
  * leaving    a thread of the second opening ends 0.2 s after it has begun
- * leaking    each opening leaves a file open */
+ * leaking    each opening leaves a file open
+ * threaded   it has a thread that takes signals; closing takes 0.5 s, and says so then */
 #include <pthread.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -31,18 +33,30 @@ static void *stay(void *unused)
   usleep(200000);
   return unused;
 }
+static void *take_signals(void *unused)
+{
+  while (unused == NULL) pause();
+  return unused;
+}
 static fs_status device_open(const char *address, void **self)
 {
   pthread_t thread;
   strncpy(trouble, address, sizeof trouble - 1);
   while (is("open")) pause();
   if (is("leaving") && openings == 1 && pthread_create(&thread, NULL, stay, NULL) == 0) pthread_detach(thread);
+  if (is("threaded") && pthread_create(&thread, NULL, take_signals, NULL) == 0) pthread_detach(thread);
   if (is("leaking") && dup(0) < 0) return FS_ERROR_IO;
   if (openings++ == 0) opened = now();
   *self = trouble;
   return FS_OK;
 }
-static void device_close(void *self) { (void)self; }
+static void device_close(void *self)
+{
+  (void)self;
+  if (!is("threaded")) return;
+  usleep(500000);
+  puts("the device is closed");
+}
 static fs_status get_info(void *self, fs_device_info *out)
 {
   (void)self;
