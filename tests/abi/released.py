@@ -1,6 +1,7 @@
 """The binary interface of each released minor version stays as it is. The folder released/MAJOR.MINOR keeps of that version:
 its headers (include), the layout of its structs (layout.c), the functions that its library showed with their version nodes
-(symbols), the types of these functions as the debug information has them (types.abi), and some of its programs (programs).
+(symbols), the types of these functions as the debug information has them (types.abi), some of its programs (programs) and of its
+scene files (scenes), and the commands and options of the program forceserver (commands).
 
 released.py keep [--again] [LIBRARY]
                                writes the folder of the version of today's headers; with --again also where it is there. LIBRARY:
@@ -11,6 +12,7 @@ released.py symbols NM LIBRARY each function that a version showed is shown toda
 released.py types LIBRARY      the functions still have their types, in the library itself. LIBRARY: forceserver_described
 released.py programs C_COMPILER CXX_COMPILER FOLDER LIBRARY
                                the kept programs, built with the kept headers, run with today's library
+released.py program PROGRAM    today's program forceserver has the kept commands and options, and can load the kept scene files
 """
 import os
 import pathlib
@@ -31,6 +33,8 @@ import versions
 
 PROGRAMS = ["tests/abi/versions.c", "examples/c/hello.c", "examples/c/own_loop.c", "examples/c/peg_in_hole.c", "examples/c/driver.c",
             "examples/cpp/hello.cpp"]
+SCENES = ["tests/fuzz/corpus/scene_file/all_keys.json", "examples/scenes/room.json", "examples/materials/materials.json",
+          "examples/testbed/hazards.json"]
 
 
 def kept():
@@ -225,7 +229,7 @@ def programs(c, cxx, folder, library):
                         "-pthread", f"-Wl,-rpath-link,{present}", *options], check=True)
         return folder / name
 
-    today = build("today", ROOT / "tests/abi/versions.c", INCLUDE, "-DPROGRAM=0", *first_sizes())
+    today = build("today", ROOT / "tests/abi/versions.c", INCLUDE, "-DPROGRAM=0", *versions.FIRST_SIZES)
     for number, version in enumerate(kept()):
         sources = sorted((version / "programs").iterdir())
         for source in sources:
@@ -241,8 +245,33 @@ def programs(c, cxx, folder, library):
     return 0
 
 
-def first_sizes():
-    return [f"-DFIRST_{struct['name']}={struct['first_size']}" for struct in description.load()["structs"] if struct["growing"]]
+def commands_of(program):
+    """ "run", "run --rate" and so on, as the completion of the shells has them."""
+    def offered(*words):
+        output = subprocess.run([program, "--complete", *words], check=True, text=True, capture_output=True).stdout
+        return [line.split("\t")[0] for line in output.splitlines()]
+
+    commands = offered("")
+    return commands + [f"{command} {option}" for command in commands for option in offered(command, "--")]
+
+
+def program(file):
+    bad, today = 0, set(commands_of(file))
+    for folder in kept():
+        before = (folder / "commands").read_text().splitlines()
+        for line in before:
+            if line not in today:
+                bad += 1
+                print(f"{folder.name} has forceserver {line}, and today's program does not")
+        scenes = sorted((folder / "scenes").iterdir())
+        for scene in scenes:
+            result = subprocess.run([file, "check", scene], text=True, capture_output=True)
+            if result.returncode not in (0, 1):  # 1: something is odd in it
+                bad += 1
+                print(f"{scene.name} of {folder.name} is not loaded: {result.stderr}")
+        print(f"{folder.name}: {len(before)} commands and options, {len(scenes)} scene files")
+        bad += not before or not scenes
+    return bad
 
 
 # ------------------------------------------------------------------------------------------------------------------ keep
@@ -267,8 +296,13 @@ def keep(*arguments):
         name = pathlib.Path(source).name
         text = (ROOT / source).read_text()
         if name == "versions.c":
-            text = "".join(f"#define {size[2:].replace('=', ' ')}\n" for size in first_sizes()) + text
+            text = "".join(f"#define {size[2:].replace('=', ' ')}\n" for size in versions.FIRST_SIZES) + text
         (folder / "programs" / name).write_text(text)
+    (folder / "scenes").mkdir()
+    for source in SCENES:
+        shutil.copy(ROOT / source, folder / "scenes")
+    forceserver = pathlib.Path(library).resolve().parents[2] / "lib/program/forceserver"  # of the same build
+    (folder / "commands").write_text("".join(f"{line}\n" for line in commands_of(forceserver)))
     print(f"{folder}: {sum(file.stat().st_size for file in folder.rglob('*') if file.is_file()) // 1000} kB")
     return 0
 
@@ -277,4 +311,5 @@ if __name__ == "__main__":
     command, *arguments = sys.argv[1:]
     if command == "programs":
         arguments[2:] = map(pathlib.Path, arguments[2:])
-    sys.exit(bool({"keep": keep, "headers": headers, "symbols": symbols, "types": types, "programs": programs}[command](*arguments)))
+    sys.exit(bool({"keep": keep, "headers": headers, "symbols": symbols, "types": types, "programs": programs,
+                   "program": program}[command](*arguments)))

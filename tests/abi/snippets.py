@@ -144,9 +144,14 @@ def compile_c(where, text, is_whole, folder, language="c"):
 def options_of(name, command=()):
     """The commands and options that a program has."""
     help_ = subprocess.run([build / PROGRAMS[name], *command, "--help"], text=True, capture_output=True).stdout
-    commands = re.search(r"Subcommands:\n((?:  .*\n)+)", help_)
+    commands = set()
+    if not command and "Each command has its own help" in help_:
+        offered = subprocess.run([build / PROGRAMS[name], "--complete", ""], text=True, capture_output=True).stdout
+        commands = {line.split("\t")[0] for line in offered.splitlines()}
+        if not commands:
+            fail(name, "it offers no commands")
     options = set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", help_))
-    return options, set(re.findall(r"(?m)^  ([a-z][\w-]*)", commands[1] if commands else ""))
+    return options, commands
 
 
 PREFIX = re.compile(r"\w+=.*|sudo|env|time|timeout|setarch|-[a-zA-Z]|\d+")  # what may stand before a command

@@ -22,6 +22,7 @@ import description
 import make_struct_sizes
 
 GROWING = [struct for struct in description.load()["structs"] if struct["growing"]]
+FIRST_SIZES = [f"-DFIRST_{struct['name']}={struct['first_size']}" for struct in GROWING]
 
 
 def last_fields(struct):
@@ -122,7 +123,6 @@ class Program:
 def build(compiler, folder, library):
     """The programs, by the version of their headers."""
     programs = {}
-    firsts = [f"-DFIRST_{struct['name']}={struct['first_size']}" for struct in GROWING]
     for name, offset in {"less": -1, "today": 0, "more": 1}.items():
         include = folder / f"include-{name}"
         if offset:
@@ -131,7 +131,7 @@ def build(compiler, folder, library):
             include = ROOT / "include"
         for kind, options in {"linked": [f"-L{library}", "-lforceserver"], "dlopen": ["-DBY_DLOPEN", "-ldl"]}.items():
             file = folder / f"{name}-{kind}"
-            subprocess.run([compiler, "-std=gnu99", "-Wall", "-Wextra", "-Werror", f"-DPROGRAM={offset}", f"-I{include}", *firsts,
+            subprocess.run([compiler, "-std=gnu99", "-Wall", "-Wextra", "-Werror", f"-DPROGRAM={offset}", f"-I{include}", *FIRST_SIZES,
                             ROOT / "tests/abi/versions.c", "-o", file, *options, "-lm",
                             f"-Wl,-rpath-link,{library}"], check=True)
             programs[name, kind] = file

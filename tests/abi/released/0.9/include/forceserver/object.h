@@ -30,8 +30,8 @@ typedef enum fs_primitive {
                                    that cross or lie in one another are one body: inside is where the winding number of
                                    all of them is not 0, so a hollow is outside, and surface that has an inside on both
                                    sides is not there for profiles. A contact holds at all surface, also inside. Not decided:
-                                   where a mesh is not closed, or a part crosses itself, the side is that of the nearest
-                                   triangle */
+                                   where a mesh is not closed, a part crosses itself, or a part is turned inside out and
+                                   lies within no other, the side is that of the nearest triangle */
   FS_PRIMITIVE_FORCE_32 = 0x7fffffff
 } fs_primitive;
 

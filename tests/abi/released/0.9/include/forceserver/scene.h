@@ -275,7 +275,8 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  *   reach want together at one place, plus a tenth.
  *
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
- * equally near: it leads the hand away from there. */
+ * equally near: it leads the hand away from there. Nor is what friction adds: while the proxy slips, the force of a contact
+ * of stiffness k has a slope of up to k sqrt(1 + friction^2), of which the part along the surface only takes energy. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that
@@ -323,7 +324,8 @@ typedef struct fs_report {
   double stiffness_wanted;      /* N/m at the device, the steepest slope of profiles and contact; infinite where the
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
-                                   samples. A contact with stiffness 0 wants what it gets, so it never shows as capped */
+                                   samples. What friction adds is left out (fs_scene_set_max_stiffness). A contact with
+                                   stiffness 0 wants what it gets, so it never shows as capped */
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0.
