@@ -5,7 +5,10 @@
 #include <cctype>
 #include <cstdio>
 #include <limits>
+#include <map>
+#include <numeric>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "program.h"
@@ -69,17 +72,37 @@ bool is_closed(const fs_shape* shape) {
 
 }  // namespace
 
-double volume_of(const fs_shape* shape) {
+std::vector<double> volumes_of(const fs_shape* shape) {
   std::size_t points = 0, triangles = 0;
   const fs_vec3* const at = fs_shape_get_points(shape, &points);
   const uint32_t* const corners = fs_shape_get_triangles(shape, &triangles);
-  double volume = 0;
-  for (std::size_t i = 0; corners && i < 3 * triangles; i += 3) {
-    const fs_vec3 a = minus(at[corners[i]], at[corners[0]]), b = minus(at[corners[i + 1]], at[corners[0]]),
-                  c = minus(at[corners[i + 2]], at[corners[0]]);
-    volume += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
+  std::vector<uint32_t> part(points);  // of each point: another of the same part; the first of a part: itself
+  std::iota(part.begin(), part.end(), 0u);
+  const auto first_of = [&](uint32_t i) {
+    while (part[i] != i) i = part[i] = part[part[i]];
+    return i;
+  };
+  const auto join = [&](uint32_t a, uint32_t b) {
+    part[std::max(first_of(a), first_of(b))] = std::min(first_of(a), first_of(b));
+  };
+  std::map<std::tuple<double, double, double>, uint32_t> places;  // files repeat points
+  for (uint32_t i = 0; i < points; ++i) join(i, places.try_emplace({at[i].x, at[i].y, at[i].z}, i).first->second);
+  for (std::size_t i = 0; i < 3 * triangles; i += 3) join(corners[i], corners[i + 1]), join(corners[i], corners[i + 2]);
+  std::map<uint32_t, double> volumes;
+  for (std::size_t i = 0; i < 3 * triangles; i += 3) {
+    const uint32_t first = first_of(corners[i]);
+    const fs_vec3 a = minus(at[corners[i]], at[first]), b = minus(at[corners[i + 1]], at[first]),
+                  c = minus(at[corners[i + 2]], at[first]);
+    volumes[first] += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
   }
-  return volume;
+  std::vector<double> out;
+  for (const auto& [first, volume] : volumes) out.push_back(volume);
+  return out;
+}
+
+double volume_of(const fs_shape* shape) {
+  const std::vector<double> parts = volumes_of(shape);
+  return std::accumulate(parts.begin(), parts.end(), 0.0);
 }
 
 namespace {

@@ -3,6 +3,8 @@
 
 #include <forceserver/forceserver.h>
 
+#include <vector>
+
 #include "findings.h"
 
 inline constexpr double faint = 1e-3;  // N: nobody feels a smaller force
@@ -28,7 +30,9 @@ struct Sides {
 Sides distances_of(const fs_object& object, const Workspace& workspace);
 
 bool has_sides(const fs_object& object);
-double volume_of(const fs_shape* shape);  // that a closed mesh encloses, m^3; below 0: its triangles face inwards
+// The parts of a mesh, which no corner joins: m^3 that each encloses; below 0: its triangles face inwards.
+std::vector<double> volumes_of(const fs_shape* shape);
+double volume_of(const fs_shape* shape);  // of all parts
 double most(const fs_profile& profile, const Distances& range);  // its largest force within these distances, N
 
 // Reports where and when the force jumps, profiles with a wrong sense or on the wrong side, and what pulls from nearly

@@ -28,7 +28,7 @@ class DoctorPage {
   void wrong(const std::string& sentence, const std::string& cure);
   void better(const std::string& sentence, const std::string& cure);
 
-  int finish();  // prints the rest; returns the program's exit code
+  int finish();  // prints the rest; returns the program's exit status
 
  private:
   struct Finding {

@@ -9,7 +9,7 @@ class Findings {
  public:
   // Something odd. What is found of many objects is told in full of the first three.
   void add(const std::string& name, const char* format, ...) __attribute__((format(printf, 3, 4)));
-  int finish() const;  // prints how many there are; returns the program's exit code
+  int finish() const;  // prints how many there are; returns the program's exit status
 
  private:
   int count_ = 0;

@@ -65,7 +65,7 @@ const char* const stop_help = R"(examples:
   forceserver stop lab
       the force at the server called lab ends at once, as by the stop button of an editor
 
-Any client may do so, unless the server was started with no_stop. `forceserver resume lab` lets the force return.)";
+Any client may do so, unless the server was started with --no-stop (no_stop of fs_server_options). `forceserver resume lab` lets the force return.)";
 
 const char* const resume_help = R"(examples:
   forceserver resume lab

@@ -30,27 +30,20 @@ using Seconds = std::chrono::duration<double>;
 // Brings the ticks of a servo. The servo keeps those of two seconds, so fetch() must be called more often.
 class NewTicks {
  public:
-  std::span<const fs_tick> fetch(fs_servo* servo) {  // those since the last call
-    std::size_t count = 0;
-    forceserver::throw_on_error(fs_servo_get_record(servo, nullptr, 0, &count));
-    ticks_.resize(count + 1000);  // room for the ticks that come meanwhile
-    forceserver::throw_on_error(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
-    ticks_.resize(std::min(count, ticks_.size()));
-    auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
-    const auto seen = std::find_if(ticks_.rbegin(), ticks_.rend(), is_last);
-    if (seen == ticks_.rend() && any_) ++gaps_;
-    if (!ticks_.empty()) {
-      last_ = ticks_.back();
-      any_ = true;
+  const std::vector<fs_tick>& fetch(const Scene& scene) {  // those since the last call
+    ticks_.clear();
+    for (const fs_recorded_tick& recorded : scene.get_record(last_)) {
+      gaps_ += recorded.number != last_ + 1;
+      last_ = recorded.number;
+      ticks_.push_back(recorded.tick);
     }
-    return {seen.base(), ticks_.end()};
+    return ticks_;
   }
   int gaps() const { return gaps_; }
 
  private:
   std::vector<fs_tick> ticks_;
-  fs_tick last_;
-  bool any_ = false;
+  std::uint64_t last_ = 0;
   int gaps_ = 0;
 };
 
@@ -378,7 +371,7 @@ int run(const RunOptions& options) {
     news.print(elapsed);
     faults |= now.faults | news.faults();
     if (asks) enable_on_enter(servo.get(), now);
-    const std::span<const fs_tick> fresh = ticks.fetch(servo.get());
+    const std::vector<fs_tick>& fresh = ticks.fetch(scene);
     chatter.add(scene, fresh, elapsed, terminal);
     if (record) {
       try {
@@ -399,7 +392,7 @@ int run(const RunOptions& options) {
   faults |= stats.faults | news.faults();
   fs_servo_set_enabled(servo.get(), false);
   try {
-    if (record) record->write(ticks.fetch(servo.get()));  // the last ticks that the summary counts
+    if (record) record->write(ticks.fetch(scene));  // the last ticks that the summary counts
   } catch (const std::exception& error) {
     std::fprintf(stderr, "forceserver: %s; the record is not complete\n", error.what());
     record_failed = true;
