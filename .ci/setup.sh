@@ -105,6 +105,24 @@ has_package_index() {
   return $status
 }
 
+# make_venv FOLDER PACKAGES: an environment of Python with these packages (a list in one word) where there is none yet. Ends with 77
+# where there is no package index.
+make_venv() {
+  local python=${PYTHON:-python3} made_for
+  made_for="$("$python" --version) $2"
+  [ "$(cat "$1/made_for" 2> /dev/null)" != "$made_for" ] || return 0
+  # shellcheck disable=SC2086  # a list
+  if ! { rm -rf "$1" && "$python" -m venv "$1" && "$1/bin/pip" install -q $2; }; then
+    if has_package_index pip > /dev/null 2>&1; then
+      echo "FAILED: $2 cannot be installed"
+      exit 1
+    fi
+    echo "Python's venv and a package index are needed for: $2"
+    exit 77
+  fi
+  echo "$made_for" > "$1/made_for"
+}
+
 # Makes an environment of Python with matplotlib, in which pictures are drawn. The last line that it prints says why there
 # is none.
 environment=$root/build/picture

@@ -25,7 +25,7 @@ class Process {
   ~Process() { kill(); }
 
   void send(int signal) const;
-  int end();   // by SIGTERM; its exit code, -1: it was killed
+  int end();   // by SIGTERM; its exit status, -1: it was killed
   int wait();  // until it ends by itself; as above
   void kill();
   std::string output() const;  // all so far
