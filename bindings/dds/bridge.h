@@ -40,7 +40,7 @@ class Bridge {
   explicit Bridge(const Options& options);
   ~Bridge();
 
-  // Goes on until is_ending. Returns the exit code.
+  // Goes on until is_ending. Returns the exit status.
   int run(const std::atomic<bool>& is_ending);
 
  private:

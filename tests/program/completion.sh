@@ -53,7 +53,7 @@ for _ in $(seq 100); do
 done
 
 # Each command of the help, and each option of each command.
-commands=$("$program" --help | awk '/^Subcommands:/ {on = 1; next} /^$/ {on = 0} on {print $1}')
+commands=$("$program" --help | awk 'tolower($0) == "subcommands:" {on = 1; next} /^$/ {on = 0} on {print $1}')
 [ "$(wc -w <<< "$commands")" -ge 13 ] || fail "the help shows $(wc -w <<< "$commands") commands"
 source "$source/completion.bash"
 [ "$(complete -p forceserver)" = "complete -F _forceserver forceserver" ] || fail "bash does not know the completion"

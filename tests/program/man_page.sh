@@ -26,7 +26,8 @@ if command -v man > /dev/null; then MANWIDTH=100 man --encoding=UTF-8 --local-fi
 shows() { grep -qE -e "$1" "$shown" || fail "no line of the page matches /$1/"; }
 shows "^$(basename "$program" | tr a-z A-Z)\(1\)"
 shows "$("$program" --version)"
-commands=$("$program" --help | awk '/^Subcommands:/ {on = 1; next} /^$/ {on = 0} on {print $1}')
+commands=
+"$program" --help | grep -q '^Each command has its own help' && commands=$("$program" --complete "" | cut -f1)
 for command in "" $commands; do
   [ -z "$command" ] || shows "^COMMAND ${command^^}$"
   [ -z "$command" ] || shows "^       $(basename "$program") $command \[OPTIONS\]"

@@ -40,7 +40,7 @@ def lines(tmp_path_factory) -> list[str]:
 
 @pytest.fixture
 def replayed(tmp_path, monkeypatch, capsys):
-    """Gives the exit code and what is said of a file with these lines."""
+    """Gives the exit status and what is said of a file with these lines."""
 
     def replay(lines: list[str], path: Path = tmp_path / "recording.jsonl") -> tuple[int, str]:
         path.write_text("".join(line + "\n" for line in lines))
