@@ -5,6 +5,8 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 # What the library and its program are built with, on Debian.
 library_packages=(g++ cmake ninja-build pkg-config libembree-dev libmuparser-dev nlohmann-json3-dev libcli11-dev)
+# And the drivers that are modules, and the bridge.
+module_packages=(libboost-dev libusb-1.0-0-dev cyclonedds-dev cyclonedds-tools)
 
 # need_packages NAME...: installs the missing ones of these Debian packages, or says how.
 need_packages() {

@@ -38,8 +38,8 @@ TABLE = {
     "fs_surface_set_impact.settings": "inout",
     "fs_tool_create.points": "null",
 }
-# The last field of each growing struct in its first version. What is appended later is not there for programs that were
-# built before.
+# The last field of each growing struct in the first version that is taken: for some that was before 0.9, the first that was
+# released. What is appended later is not there for programs that were built before.
 FIRST_VERSION = {
     "fs_object": "lifetime",
     "fs_shape_info": "reserved",

@@ -195,7 +195,8 @@ void tell_servers(DoctorPage& page) {
   }
 }
 
-// The folder in which calibrations are kept; "": this user has no home.
+// The folder in which calibrations are kept, as calibration_file in device/fidel/usb/calibration.cpp finds it; "": this user has
+// no home.
 std::string config_folder() {
   const char* const config = std::getenv("XDG_CONFIG_HOME");
   if (config && *config == '/') return config + std::string("/forceserver");

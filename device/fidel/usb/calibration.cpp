@@ -103,7 +103,7 @@ Calibration calibrated(const Arm& arm, const std::array<double, 3>& at_first, co
   return {{offsets.x, offsets.y, offsets.z}, scale};
 }
 
-std::string calibration_file(const std::string& serial) {
+std::string calibration_file(const std::string& serial) {  // config_folder in lib/program/doctor.cpp does the same
   std::string folder;
   const char* const config = std::getenv("XDG_CONFIG_HOME");
   if (config && config[0] == '/') {
