@@ -11,7 +11,7 @@ namespace fs {
 // What a reader needs to evaluate a row: the parsers of its custom profiles, and hints for each point of a tool. Made by
 // whoever posts the row; only the reader uses it.
 struct Scratch : LocalCounted<Scratch> {
-  uint64_t version = 0;
+  uint64_t sequence = 0;
   Law::Parsers parsers;
   std::unique_ptr<Hint[]> hints;  // of a mesh that is not small; else null
 

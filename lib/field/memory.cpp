@@ -165,7 +165,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     const uint32_t c = number % block_size;
     b.chunks[c] = chunk;
     blocks_used_ = std::max(blocks_used_, number / block_size + 1);
-    const bool is_only_moved = chunk->rows_version <= seen_;
+    const bool is_only_moved = chunk->rows_sequence <= seen_;
     if (has_weights_ && !is_only_moved) {
       move_weights(number, now);  // by the old wants, before the new ones are read
       take_wants(snapshot, number, *chunk, now);

@@ -21,7 +21,7 @@ static void make_unique(Ref<T>& part) {
 
 void Chunk::own(uint32_t i) {
   make_unique(rows);
-  rows_version = version;
+  rows_sequence = sequence;
   own_motion(i);
 }
 

@@ -6,8 +6,8 @@
 //
 // Four counters tell what has changed. Each only grows:
 //   version   of a row or a view: another for each version of a name, so that a row that is used again is not taken for what was
-//             there before. (The version of a table's element, table.h, is a sequence.)
-//   sequence  of a snapshot: what is posted later has a larger one.
+//             there before.
+//   sequence  of a snapshot: what is posted later has a larger one. Chunks keep that of their last change.
 //   revision  of an object, for applications: grows with every change but moves; its motion_revision grows with moves, too.
 //   serial    of a shape, a curve or a message of a client: which one it is.
 #pragma once
@@ -120,8 +120,8 @@ struct Motions : LocalCounted<Motions> {
 };
 
 struct Chunk : LocalCounted<Chunk> {
-  uint64_t version = 0;                        // of the last change,
-  uint64_t rows_version = 0;                   // and of the last that was more than a move
+  uint64_t sequence = 0;       // of the last change,
+  uint64_t rows_sequence = 0;  // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
   // Bit i: row i has no twist. It stands at its centre (Motions::x, y, z), or an offset from there is still blended.
   uint64_t standing = 0;

@@ -2,8 +2,8 @@
 // (Driscoll et al. 1989, "Making data structures persistent"). A snapshot of a scene costs one reference. Reference counts
 // are not atomic: taking, changing and letting go of tables belongs under the scene's lock; readers only look.
 //
-// Every change has a version, a number that grows. Elements and the nodes above them keep the version of their last
-// change, so a reader that remembers the version it saw last finds what has changed since then without comparing the rest.
+// Every change has a sequence, a number that grows. Elements and the nodes above them keep that of their last change, so a
+// reader that remembers which it saw last finds what has changed since then without comparing the rest.
 #pragma once
 
 #include <array>
@@ -13,19 +13,19 @@
 
 namespace fs {
 
-// T is LocalCounted, has a default and a copy constructor and a member `uint64_t version`.
+// T is LocalCounted, has a default and a copy constructor and a member `uint64_t sequence`.
 template <class T, uint32_t depth>
 class Table {
   static constexpr uint32_t bits = 4, width = 1u << bits;
 
   template <class Child>
   struct Node : LocalCounted<Node<Child>> {
-    uint64_t version = 0;
+    uint64_t sequence = 0;
     uint32_t size = 0;  // children beyond it are null
     std::array<Ref<Child>, width> children;
 
     Node() = default;
-    Node(const Node& other) : LocalCounted<Node>(other), version(other.version), size(other.size) {
+    Node(const Node& other) : LocalCounted<Node>(other), sequence(other.sequence), size(other.size) {
       for (uint32_t i = 0; i < size; ++i) children[i] = other.children[i];
     }
   };
@@ -44,28 +44,28 @@ class Table {
   static constexpr uint32_t capacity = 1u << (bits * depth);
 
   // The element, to be changed: made where there is none, copied where another table has it too.
-  T& edit(uint32_t i, uint64_t version) {
+  T& edit(uint32_t i, uint64_t sequence) {
     assert(i < capacity);
-    Ref<T>& place = find_place<depth - 1>(root_, i, version);
+    Ref<T>& place = find_place<depth - 1>(root_, i, sequence);
     if (!place) {
       place = make_ref<T>();
     } else if (!place->is_unique()) {
       place = make_ref<T>(*place);
     }
-    place->version = version;
+    place->sequence = sequence;
     return *place;
   }
 
   // Puts an element in, or with null takes it out.
-  void set(uint32_t i, Ref<T> value, uint64_t version) {
+  void set(uint32_t i, Ref<T> value, uint64_t sequence) {
     if (!value && !get(i)) return;
-    Ref<T>& place = find_place<depth - 1>(root_, i, version);
+    Ref<T>& place = find_place<depth - 1>(root_, i, sequence);
     place = std::move(value);
-    if (place) place->version = version;
+    if (place) place->sequence = sequence;
   }
 
-  // So that the next set of i in this version cannot fail.
-  void own(uint32_t i, uint64_t version) { find_place<depth - 1>(root_, i, version); }
+  // So that the next set of i with this sequence cannot fail.
+  void own(uint32_t i, uint64_t sequence) { find_place<depth - 1>(root_, i, sequence); }
 
   const T* get(uint32_t i) const noexcept { return root_ ? find<depth - 1>(*root_, i) : nullptr; }
 
@@ -75,27 +75,27 @@ class Table {
     if (root_) visit<depth - 1>(*root_, 0, f);
   }
 
-  // Calls f(i, const T*) for every element that has changed after `version`; null: for one that is not there, or no more.
+  // Calls f(i, const T*) for every element that has changed after `sequence`; null: for one that is not there, or no more.
   template <class F>
-  void for_each_changed(uint64_t version, F&& f) const {
-    if (root_) visit_changed<depth - 1>(*root_, 0, version, f);
+  void for_each_changed(uint64_t sequence, F&& f) const {
+    if (root_) visit_changed<depth - 1>(*root_, 0, sequence, f);
   }
 
  private:
   template <uint32_t level, class Child>
-  static Ref<T>& find_place(Ref<Node<Child>>& node, uint32_t i, uint64_t version) {
+  static Ref<T>& find_place(Ref<Node<Child>>& node, uint32_t i, uint64_t sequence) {
     if (!node) {
       node = make_ref<Node<Child>>();
     } else if (!node->is_unique()) {
       node = make_ref<Node<Child>>(*node);
     }
-    node->version = version;
+    node->sequence = sequence;
     const uint32_t k = (i >> (level * bits)) & (width - 1);
     if (node->size <= k) node->size = k + 1;
     if constexpr (level == 0) {
       return node->children[k];
     } else {
-      return find_place<level - 1>(node->children[k], i, version);
+      return find_place<level - 1>(node->children[k], i, sequence);
     }
   }
 
@@ -122,15 +122,15 @@ class Table {
   }
 
   template <uint32_t level, class Child, class F>
-  static void visit_changed(const Node<Child>& node, uint32_t first, uint64_t version, F& f) {
-    if (node.version <= version) return;
+  static void visit_changed(const Node<Child>& node, uint32_t first, uint64_t sequence, F& f) {
+    if (node.sequence <= sequence) return;
     for (uint32_t k = 0; k < node.size; ++k) {
       const Child* const child = node.children[k].get();
       if (k + 1 < node.size) __builtin_prefetch(node.children[k + 1].get());
       if constexpr (level == 0) {
-        if (!child || child->version > version) f(first + k, static_cast<const T*>(child));
+        if (!child || child->sequence > sequence) f(first + k, static_cast<const T*>(child));
       } else {
-        if (child) visit_changed<level - 1>(*child, first + (k << (level * bits)), version, f);
+        if (child) visit_changed<level - 1>(*child, first + (k << (level * bits)), sequence, f);
       }
     }
   }

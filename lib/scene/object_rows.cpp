@@ -225,7 +225,7 @@ void ObjectRows::begin_offsets() noexcept {
   const double now = clock_.now(), blend = spread().blend;
   for (const uint32_t number : moved_) {
     const Chunk* const its = find_chunk(chunks_, number);
-    const bool is_there = its && its->version == sequence_ && its->used & bit_of(number % chunk_size);
+    const bool is_there = its && its->sequence == sequence_ && its->used & bit_of(number % chunk_size);
     if (is_there && blend > 0) chunk(number).begin_offset(number % chunk_size, now, blend);
   }
   moved_.clear();

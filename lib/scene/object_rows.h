@@ -38,7 +38,7 @@ class ObjectRows : Versions<ObjectRows> {
   uint64_t motion_revision(uint32_t row) const noexcept { return find_chunk(chunks_, row)->motion_revision(row % chunk_size); }
   Entry entry(uint32_t row) const;
 
-  // What is posted next has this number; versions in the table are those numbers.
+  // What is posted next has this number.
   void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
 
   // The rows of a name, of which the newest is given; it may be another from then on, which is returned. When one of them

@@ -34,21 +34,12 @@ void Channel::detach() noexcept {
   if (std::exchange(is_attached_, false)) scene_->readers.detach_servo(reader_);
 }
 
-void Channel::take_over_from(const std::vector<Ref<Channel>>& present) {
-  std::vector<Channel*> left;
+void Channel::count_lost(const std::vector<Ref<Channel>>& present) {
   for (const Ref<Channel>& other : present) {
     const bool is_alike = other->owner_.user == owner_.user || other->owner_.name == owner_.name;
-    const bool is_left = other->leaves_at_.load(std::memory_order_acquire) < never && !other->is_taken_over_;
-    if (is_left && is_alike && other->limits_.force < never) left.push_back(other.get());
+    const bool is_left = other->leaves_at_.load(std::memory_order_acquire) < never && !other->is_gone();
+    if (is_left && is_alike && other->limits_.force < never) counted_.push_back(other->push_);
   }
-  const auto count = [this](const Ref<Push>& push) {
-    if (!push->is_over.load(std::memory_order_acquire)) counted_.push_back(push);
-  };
-  for (const Channel* const other : left) {
-    for (const Ref<Push>& push : other->counted_) count(push);
-    count(other->push_);
-  }
-  for (Channel* const other : left) other->is_taken_over_ = true;
 }
 
 Wrench Channel::wrench() const noexcept {

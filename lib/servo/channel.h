@@ -60,9 +60,10 @@ class Channel final : public Counted<Channel> {
   // Whether the scene has faded out and adds nothing any more; a tick sets this. Any thread.
   bool is_gone() const noexcept { return push_->is_over.load(std::memory_order_acquire); }  // [rt]
 
-  // What a lost client still pushes is taken off the limit of the next of its name or user, so that reconnecting gains no
-  // force. Called once, before any tick knows this channel. The servo's channels are ticked in the order in which they came.
-  void take_over_from(const std::vector<Ref<Channel>>& present);
+  // What lost clients still push is taken off the limit of each that comes by the name or for the user of one of them, so that
+  // coming again gains no force. Called once, before any tick knows this channel. The servo's channels are ticked in the order
+  // in which they came.
+  void count_lost(const std::vector<Ref<Channel>>& present);
 
   // Any thread.
   // The scene's force was not finite, or took too long to evaluate; from then on its force is zero.
@@ -108,7 +109,6 @@ class Channel final : public Counted<Channel> {
   std::atomic<double> leaves_at_{never};
   const Ref<Push> push_ = make_ref<Push>();
   std::vector<Ref<Push>> counted_;  // those of lost clients that count to the limits
-  bool is_taken_over_ = false;      // the next client counts them
 
   // Only the servo's thread uses these; other threads may read the atomic ones and wrench_.
   ServoReader reader_;

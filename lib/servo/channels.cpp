@@ -42,7 +42,7 @@ void Channels::add(const Ref<Channel>& channel) {
   std::vector<Ref<Channel>> channels = posted_->channels;
   channels.push_back(channel);
   const Ref<const List> list = make_ref<List>(std::move(channels));
-  channel->take_over_from(posted_->channels);
+  channel->count_lost(posted_->channels);
   posted_ = list;
   mailbox_.post(posted_);
 }

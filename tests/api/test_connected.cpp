@@ -992,7 +992,7 @@ START_TEST(force_limit) {
 END_TEST
 
 // A program that is lost and connects again and again pushes no more than one client does: what its lost scenes still push
-// counts to the limit of the next client of its name or user.
+// counts to the limit of those that come by its name or for its user.
 START_TEST(lost_scenes_and_the_force_limit) {
   fs_server_options options = fs_server_options_init();
   options.force_limit = 2;
@@ -1029,6 +1029,38 @@ START_TEST(lost_scenes_and_the_force_limit) {
   OK(rig.sync(client.get()));
   rig.step_through_fade();
   EXPECT_NEAR(norm(rig.fake.written.force), 2, 1e-9);
+}
+END_TEST
+
+// Two that leave together and come again, in any order and with any name, push no more than two that stay.
+START_TEST(several_lost_scenes_and_the_force_limit) {
+  fs_server_options options = fs_server_options_init();
+  options.force_limit = 2;
+  options.lease = 0.1;
+  ServerRig rig(options);
+  double most = 0;
+  const auto step = [&](int ticks) {
+    for (; ticks > 0; --ticks) {
+      rig.step();
+      most = std::fmax(most, norm(rig.fake.written.force));
+    }
+  };
+  const auto come = [&](const std::string& name) {
+    Scene client = rig.join(name.c_str());
+    set(client, push("push", 9));
+    ck_assert(eventually([&] {
+      step(1);
+      return fs_scene_sync(client.get(), 0.02) == FS_OK;
+    }));
+    return client;
+  };
+  const char* const names[][2] = {{"a", "b"}, {"a", "b"}, {"b", "a"}, {"c", "d"}, {"d", "e"}};
+  for (const auto& [first, second] : names) {
+    const Scene one = come(first), other = come(second);
+    step(60);
+  }
+  ck_assert_msg(most <= 4 + 1e-9, "two clients push with %g N", most);
+  EXPECT_NEAR(most, 4, 1e-9);
 }
 END_TEST
 
@@ -1168,7 +1200,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
-                              lost_scenes_and_the_force_limit});
+                              lost_scenes_and_the_force_limit, several_lost_scenes_and_the_force_limit});
   add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, others_go_past_a_group,
                              settings_belong_to_no_group, room_for_shapes, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others, curves_offered_no_longer});

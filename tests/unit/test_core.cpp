@@ -41,7 +41,7 @@ struct Item : LocalCounted<Item> {
   Item(const Item& other) : LocalCounted<Item>(other), value(other.value) { ++alive; }
   ~Item() { --alive; }
   int value;
-  uint64_t version = 0;
+  uint64_t sequence = 0;
   static inline int alive = 0;
 };
 using Items = Table<Item, 5>;
@@ -102,23 +102,23 @@ START_TEST(table_copies_do_not_change) {
     struct Copy {
       Items table;
       std::map<uint32_t, int> wanted;
-      uint64_t version;
+      uint64_t sequence;
     };
     std::vector<Copy> copies;
     for (int step = 1; step <= 20000; ++step) {
-      const auto version = static_cast<uint64_t>(step);
+      const auto sequence = static_cast<uint64_t>(step);
       const auto i = static_cast<uint32_t>(random.next() % (step % 3 ? 100 : Items::capacity));
       if (random.next() % 4 == 0) {
-        table.set(i, nullptr, version);
+        table.set(i, nullptr, sequence);
         wanted.erase(i);
       } else if (random.next() % 2) {
-        table.set(i, make_ref<Item>(step), version);
+        table.set(i, make_ref<Item>(step), sequence);
         wanted[i] = step;
       } else {
-        table.edit(i, version).value = step;
+        table.edit(i, sequence).value = step;
         wanted[i] = step;
       }
-      if (step % 1000 == 0) copies.push_back({table, wanted, version});
+      if (step % 1000 == 0) copies.push_back({table, wanted, sequence});
       const Item* item = table.get(i);
       ck_assert_int_eq(item != nullptr, wanted.count(i));
       if (item) ck_assert_int_eq(item->value, wanted[i]);
@@ -128,7 +128,7 @@ START_TEST(table_copies_do_not_change) {
       ck_assert(contents(copy.table) == copy.wanted);
       std::map<uint32_t, int> replayed = copy.wanted;
       size_t changes = 0;
-      table.for_each_changed(copy.version, [&](uint32_t i, const Item* item) {
+      table.for_each_changed(copy.sequence, [&](uint32_t i, const Item* item) {
         changes += item != nullptr;
         if (item) {
           replayed[i] = item->value;
@@ -137,7 +137,7 @@ START_TEST(table_copies_do_not_change) {
         }
       });
       ck_assert(replayed == wanted);
-      ck_assert_uint_le(changes, 20000 - copy.version);
+      ck_assert_uint_le(changes, 20000 - copy.sequence);
     }
     for (const auto& [i, value] : wanted) table.set(i, nullptr, 30000);
     ck_assert(contents(table).empty());

@@ -325,7 +325,7 @@ struct Scene {
     if (fall > 0) o.front = {FS_PROFILE_LINEAR_DECREASING, sense, -fall, 3 + 0.02 * fall, 0, 100, 0, nullptr, {}};
     object = parse_object(o).object;
     Ref<Chunk> chunk = make_ref<Chunk>();
-    chunk->version = chunk->rows_version = 1;
+    chunk->sequence = chunk->rows_sequence = 1;
     chunk->own(0);
     chunk->own_caps();
     Row& row = chunk->set(0, object, bounded(*object, {.slope = bound}), Motion{}, 1);
