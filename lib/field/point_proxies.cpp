@@ -344,6 +344,7 @@ double PointProxies::explained_change(const Point& point, const Member& member) 
 // if only the plane held it: at the hand where that is free of the plane, else where it touches the plane. So they depend on the
 // hand's place alone, and give no energy on a closed path, also where another solid holds the proxy.
 void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
+  const Mat3 proxy_moves = proxy_.is_stuck ? Mat3{} : identity() + -1.0 * held_by(proxy_);  // by how much with the hand, m/m
   const ToolState& tool = point.tick.tool;
   Effort* const effort = point.tick.effort;
   for (uint32_t i = 0; i < proxy_.count; ++i) {
@@ -355,6 +356,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     const double point_weight = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
     const Side side = proxy_.members[i].touch->side;
     Vec3 place = to_local(solid.pose, proxy_.at), normals{};
+    Mat3 moves = proxy_moves;  // of the place, m/m
     const Plane* plane = nullptr;
     for (uint32_t p = proxy_.plane_count; p-- > 0;) {
       if (proxy_.planes[p].member != i) continue;
@@ -367,6 +369,9 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       place = to_local(solid.pose, point.at().position);
       away = {0, 0, side == Side::front ? 1.0 : -1.0};
       is_on_surface = !(dot(away, place) > tool.point_radius);
+      const Vec3 normal = rotate(solid.pose.orientation, away);
+      moves = identity();
+      if (is_on_surface) moves += -1.0 * outer(normal, normal);
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
     ObjectForce got;
@@ -401,7 +406,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     }
     solid.felt = solid.felt + got.wrench;
     out.profile_change += point_weight * explained_change(point, proxy_.members[i]);
-    solid.felt_stiffness += got.stiffness;
+    solid.felt_stiffness += got.stiffness * moves;
     out.error += got.error;
   }
 }

@@ -31,6 +31,41 @@ START_TEST(a_plane_holds_the_hand) {
 }
 END_TEST
 
+// The slope that a response tells is that of the force, also where a profile acts at the proxy, which follows the hand only along
+// the surface.
+START_TEST(the_slope_beside_a_profile) {
+  int behind = 0;
+  for (const bool is_plane : {true, false}) {
+    Hand hand;
+    const Shape ball = make_mesh(sphere_mesh(0.02, 80));
+    fs_object o = fs_object_init("o", is_plane ? FS_PRIMITIVE_PLANE : FS_PRIMITIVE_MESH);
+    if (!is_plane) o.shape = ball.get();
+    o.pose.orientation = {0.8, 0.36, 0, 0.48};
+    o.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0.5, 100);
+    hand.put(o, solid(FS_KEEP_FRONT, 500, 1e6));
+    hand.go({0, 0, 0.1});
+    Random random(7);
+    for (int i = 0; i < 60; ++i) {
+      const fs_vec3 x = random.in_box(0.03);
+      hand.slide(x);
+      behind += hand.touches();
+      const fs_mat3 k = hand.felt.stiffness;
+      const fs_vec3 here = hand.felt.wrench.force;
+      for (const fs_vec3 way : {fs_vec3{1, 0, 0}, fs_vec3{0, 1, 0}, fs_vec3{0, 0, 1}}) {
+        constexpr double step = 1e-7;
+        const fs_vec3 ahead = hand.go(x + step * way) - here, back = here - hand.go(x - step * way);
+        hand.go(x);
+        if (norm(ahead - back) > 1e-3 * (norm(ahead) + norm(back)) + 1e-9) continue;  // over an edge
+        const fs_vec3 told{k.xx * way.x + k.xy * way.y + k.xz * way.z, k.yx * way.x + k.yy * way.y + k.yz * way.z,
+                           k.zx * way.x + k.zy * way.y + k.zz * way.z};
+        EXPECT_VECTOR((1 / step) * ahead, told, 0.5);
+      }
+    }
+  }
+  ck_assert_int_gt(behind, 30);
+}
+END_TEST
+
 START_TEST(each_side_can_be_kept) {
   Hand back;
   back.plane("roof", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_BACK));
@@ -1138,8 +1173,8 @@ END_TEST
 
 int main() {
   Suite* const suite = suite_create("contact");
-  add_case(suite, "planes", {a_plane_holds_the_hand, the_limit_holds_at_any_place, each_side_can_be_kept, corners_hold_with_every_wall,
-                             the_softest_wall_has_a_proxy, shared_proxies});
+  add_case(suite, "planes", {a_plane_holds_the_hand, the_slope_beside_a_profile, the_limit_holds_at_any_place,
+                             each_side_can_be_kept, corners_hold_with_every_wall, the_softest_wall_has_a_proxy, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_outside_of_a_room_is_led_back, a_mesh_with_split_corners_is_solid,
                              a_hand_that_begins_where_parts_cross_is_led_out,
