@@ -15,6 +15,7 @@ struct Error {
 
 // Throws an Error with a printf-formatted sentence.
 [[noreturn, gnu::format(printf, 2, 3)]] void fail(fs_status status, const char* format, ...);
+[[noreturn]] void fail_to_start(const char* thread, const char* why);
 
 // Makes text, or a copy of it, the thread's last error; returns status. May allocate; if memory runs out, the last
 // error says so.

@@ -103,7 +103,7 @@ void Budget::start() {
       }
     });
   } catch (const std::system_error& error) {
-    fail(FS_ERROR_IO, "the thread that bounds the stiffness could not be started: %s", error.what());
+    fail_to_start("the thread that bounds the stiffness", error.what());
   }
 }
 

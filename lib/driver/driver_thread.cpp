@@ -87,7 +87,7 @@ void DriverThread::start(const Ref<DriverThread>& thread) {
       thread->run();
     }).detach();  // a driver that hangs must not hold up the process
   } catch (const std::system_error& error) {
-    fail(FS_ERROR_IO, "the driver's thread could not be started: %s", error.what());
+    fail_to_start("the driver's thread", error.what());
   }
   await_change(thread->states_, 0, steady_now() + first_within);
 }

@@ -80,13 +80,30 @@ std::string missing_value(const std::string& sentence) {
 
 }  // namespace
 
+void refuse_options_as_values(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands(nullptr)) {
+    std::vector<std::string> names;
+    for (const CLI::Option* option : command->get_options()) {
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    }
+    const auto check = [names](const std::string& value) {
+      const bool is_option = std::find(names.begin(), names.end(), value) != names.end();
+      return is_option ? "its value is missing: " + value + " is an option" : std::string();
+    };
+    for (CLI::Option* option : command->get_options()) {
+      if (option->get_items_expected_max() > 0 && !option->get_positional()) option->check(check);
+    }
+  }
+}
+
 void require_command(const CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-') return;
+  if (argc >= 2 && argv[1][0] == '-') return;
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands(nullptr)) {
-    if (command->check_name(argv[1])) return;
+    if (argc >= 2 && command->check_name(argv[1])) return;
     names.push_back(command->get_name());
   }
+  if (argc < 2) throw std::runtime_error("a command is missing; there are: " + join(names, "none") + "; see: forceserver --help");
   const std::string meant = nearest(argv[1], names), all = "here are: " + join(names, "none");
   throw std::runtime_error("there is no command '" + std::string(argv[1]) + "'; " +
                            (meant.empty() ? "t" + all : "did you mean " + meant + "? T" + all));

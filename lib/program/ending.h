@@ -44,7 +44,7 @@ class Ending {
   }
 
  private:
-  static constexpr std::array<int, 4> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+  static constexpr std::array<int, 5> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXCPU};
   static inline int event_ = -1;
-  std::array<struct sigaction, 4> before_;
+  std::array<struct sigaction, signals.size()> before_;
 };

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "program.h"
+#include "words.h"
 
 namespace {
 
@@ -39,6 +40,7 @@ int Findings::finish() const {
   }
   if (count_ == 0) std::printf("nothing odd\n");
   else std::printf("%d odd %s\n", count_, count_ == 1 ? "thing" : "things");
+  write_out();
   return count_ == 0 ? exit_fine : exit_odd;
 }
 

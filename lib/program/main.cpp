@@ -389,6 +389,7 @@ int main(int argc, char** argv) {
   try {
     const bool is_for_shell = argc > 1 && argv[1] == std::string_view("--complete");  // see completion.bash
     if (is_for_shell) return complete(app, {argv + 2, argv + argc});
+    refuse_options_as_values(app);
     require_command(app, argc, argv);
     app.parse(argc, argv);
     if (*run_command) return run(run_options);

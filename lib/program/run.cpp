@@ -1,5 +1,6 @@
 // forceserver run: runs a scene on a device, until the time is over or Ctrl-C.
 #include <poll.h>
+#include <signal.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -314,6 +315,7 @@ int run(const RunOptions& options) {
   load_driver(options.driver);
   const Scene scene = Scene::create();
   if (!options.scene.empty()) scene.load(options.scene);
+  signal(SIGXFSZ, SIG_IGN);  // a record that becomes too large is told like a full disk
   std::unique_ptr<Record> record;
   if (!options.record.empty()) record = std::make_unique<Record>(options.record);
 

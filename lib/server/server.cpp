@@ -66,7 +66,7 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
     thread_ = std::thread([this] { run(); });
   } catch (const std::system_error& error) {
     stop_listening();
-    fail(FS_ERROR_IO, "the server's thread could not be started: %s", error.what());
+    fail_to_start("the server's thread", error.what());
   } catch (...) {  // there is no memory
     stop_listening();
     throw;

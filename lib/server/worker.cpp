@@ -15,7 +15,7 @@ Worker::Worker(const char* thread_name, std::function<void()> notify) : thread_n
   try {
     thread_ = std::thread([this] { run(); });
   } catch (const std::system_error& error) {
-    fail(FS_ERROR_IO, "the server's worker thread could not be started: %s", error.what());
+    fail_to_start("the server's worker thread", error.what());
   }
 }
 

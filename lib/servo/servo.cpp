@@ -95,7 +95,7 @@ void fs_servo::start_thread() {
   pthread_attr_destroy(&attributes);
   if (error) {
     stack_.reset();
-    fail(FS_ERROR_IO, "the servo's thread could not be started: %s", std::strerror(error));
+    fail_to_start("the servo's thread", std::strerror(error));
   }
   realtime_.wait(not_asked);
   if (realtime_.load() == FS_REALTIME_FIFO &&

@@ -2,6 +2,7 @@
 #include <signal.h>
 
 #include <cmath>
+#include <map>
 
 #include "dds/bridge_rig.h"
 
@@ -247,11 +248,20 @@ START_TEST(three_hundred_objects_move) {
     behind = std::max(behind, late);
   }
   ck_assert_msg(behind < count / 10, "%d objects were not told for half a second", behind);
-  EVENTUALLY(([&] {
-    for (const fs_motion& motion : viewer.get_motions("app@lab")) {
-      if (motion.pose.position.y != 0.001 * 75) return false;
+  const auto where_it_comes_to = [](const Scene& scene, const char* client) {  // m, where each stops at the end of its horizon
+    std::map<std::string, double> out;
+    for (const fs_motion& motion : scene.get_motions(client)) {
+      const std::string name = motion.name;
+      out[name.substr(name.find('/') + 1)] = motion.pose.position.y + motion.horizon * motion.twist.linear.y;
     }
-    return true;
+    return out;
+  };
+  EVENTUALLY(([&] {
+    const auto wanted = where_it_comes_to(app, "app"), got = where_it_comes_to(viewer, "app@lab");
+    for (const auto& [name, y] : wanted) {
+      if (!got.count(name) || std::fabs(got.at(name) - y) > 1e-6) return false;
+    }
+    return wanted.size() == count;
   }()));
 }
 END_TEST

@@ -42,6 +42,12 @@ expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
 
+expect 2 '^forceserver: a command is missing; there are: run, .*, hello-device; see: forceserver --help$' "$program"
+# An option is not taken for the value of another.
+expect 2 '^forceserver: --listen: its value is missing: --locked is an option$' "$program" run --listen --locked
+expect 2 '^forceserver: --record: its value is missing: --force-limit is an option$' "$program" run --record --force-limit 3
+[ -w /dev/full ] && expect 2 '^forceserver: cannot write: ' sh -c "\"\$0\" check '$scene' > /dev/full" "$program"
+
 # A number option says of what is no number within its bound, NaN too, which bound it has.
 refused_number() {  # WORD BOUND COMMAND... OPTION
   expect 2 "^forceserver: ${*: -1}: $1 is not a number $2\$" "$program" "${@:3}" "$1"
@@ -257,6 +263,7 @@ awk -F, 'NR > 2 && $1 <= last { print "FAILED: the tick at " $1 " is recorded af
   END { if (NR < 20) print "FAILED: the record has only " NR - 1 " ticks"; exit bad || NR < 20 }' ticks.csv || failures=$((failures + 1))
 expect 2 '^forceserver: .*no-such' "$program" run --device no-such: --duration 1
 expect 2 '^forceserver: cannot write no/folder/ticks.csv: ' "$program" run --duration 1 --record no/folder/ticks.csv
+expect 2 'cannot write big.csv: .*goes on' bash -c 'ulimit -f 10; "$0" run --duration 1 --record big.csv' "$program"
 if [ -w /dev/full ]; then
   expect 2 'cannot write /dev/full.*goes on' "$program" run --duration 1 --record /dev/full
 fi

@@ -79,7 +79,7 @@ inline py::object make_handle_base(py::module_& module) {
   made.def("__reduce__", refuse).def("__reduce_ex__", refuse);
   made.def(
           "close", [](const py::object& self) { self_handle(self).close(); },
-          "close($self)\n--\n\nRefuses later calls, waits for calls under way in other threads, and gives the handle "
+          "close(self)\n--\n\nRefuses later calls, waits for calls under way in other threads, and gives the handle "
           "back. Where this thread itself is in a call, as in a signal's handler, the end of that call gives it back. A "
           "second close does nothing.")
       .def_property_readonly(
@@ -214,7 +214,7 @@ inline py::object make_struct_base(py::module_& module) {
   struct_base = reinterpret_cast<PyTypeObject*>(made.ptr());
   info_of<Struct> = py::detail::get_type_info(struct_base);
   const auto copy = [](const py::object& self) { return copied(self, py::none()); };
-  made.def("copy", copy, "copy($self)\n--\n\nA copy that shares nothing with this one but shapes, curves and surfaces.");
+  made.def("copy", copy, "copy(self)\n--\n\nA copy that shares nothing with this one but shapes, curves and surfaces.");
   made.def("__copy__", copy);
   made.def("__deepcopy__", copied);
   made.def("__reduce_ex__", [](const py::object& self, const py::object&) { return reduced(self); });

@@ -12,7 +12,7 @@ using Body = py::object (*)(const py::handle* given);
 
 class Function {
  public:
-  // doc: "name($self, a, b=None)\n--\n\n.." for a method with an argument that must be given and one that need not.
+  // doc: "name(self, a, b=None)\n--\n\n.." for a method with an argument that must be given and one that need not.
   // before: the name that the last argument had before, which is still taken.
   Function(const char* doc, Body body, _PyCFunctionFastWithKeywords call, const char* before)
       : body_(body), before_(before ? before : "") {
@@ -23,7 +23,7 @@ class Function {
       const char* const comma = std::min(end, std::find(at, end, ','));
       const char* const equals = std::find(at, comma, '=');
       const std::string argument(at, equals);
-      if (argument == "$self" || argument == "self") {
+      if (argument == "self") {
         has_self_ = 1;
       } else {
         arguments_.push_back(argument);

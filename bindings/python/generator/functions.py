@@ -325,7 +325,7 @@ class Functions(Structs):
         required = max((i for i, (_, _, default) in enumerate(arguments) if not default), default=-1)
         arguments = [(a, t, default if i > required else None) for i, (a, t, default) in enumerate(arguments)]
         shown = ", ".join(a + (f"={default}" if default else "") for a, _, default in arguments)
-        listed = ", ".join((["$self"] if self_ else []) + ([shown] if shown else []))
+        listed = ", ".join((["self"] if self_ else []) + ([shown] if shown else []))
         left = LEFT + "\n\n" if function["name"] in IN_THREAD | {"fs_shape_build"} else ""
         doc = (
             f"{python}({listed})\n--\n\n" + f"{comment}\n\n{left}In C: {function['name']}.".strip()

@@ -127,7 +127,8 @@ def test_the_stub_is_what_the_module_has():
 def test_docstrings_are_the_comments_of_the_headers():
     assert "several changes" in fs.Scene.change.__doc__ and "Opens a group" in fs.Scene.begin.__doc__
     assert "In C: fs_object_move." in fs.Scene.object_move.__doc__ and "N, > 0" in fs.Profile.limit.__doc__
-    assert str(inspect.signature(fs.Scene.object_move)) == "(name, pose, twist, time)"
+    assert str(inspect.signature(fs.Scene.object_move)) == "(self, name, pose, twist, time)"
+    assert str(inspect.signature(fs.Scene().object_move)) == "(name, pose, twist, time)"
     assert (
         str(inspect.signature(fs.pose_from_z)) == "(position, direction)" and "tool_create" not in fs.Tool.reset.__doc__
     )
