@@ -112,7 +112,7 @@ typedef enum fs_keep {
  *   open mesh it is free until it has come round it. An open mesh that replaces one which the hand touches takes the hand
  *   over, on the side that is kept.
  * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
- *   moved, the rest of the change is spread over 20 ms, as when a proxy slips over the edge of a shelf.
+ *   moved, the rest of the change is spread over 20 ms (of state.time), as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
  *   objects that share a proxy, a tool of several points that are held to the limit may gain a little energy on its way
  *   round; a tool of one point does not.

@@ -275,7 +275,9 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  *   reach want together at one place, plus a tenth.
  *
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
- * equally near: it leads the hand away from there. Nor is what friction adds: while the proxy slips, the force of a contact
+ * equally near: it leads the hand away from there. A repulsive one is blended there, and was up to 2.1 times as steep as the
+ * bound in random scenes. Nor is the step beyond the edge of a mesh that is not closed and whose front and back differ: there
+ * the hand comes to the other side without a surface in between. Nor is what friction adds: while the proxy slips, the force of a contact
  * of stiffness k has a slope of up to k sqrt(1 + friction^2), of which the part along the surface only takes energy. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
@@ -313,7 +315,7 @@ FS_API const char *fs_object_state_name(fs_object_state state);
  * - wherever a polyline that is not straight is felt: at every distance there are places that are equally near to two
  *   of its parts, and there the direction changes from one part to the other.
  * For a mesh only the surface is looked at, not the places, mostly deep inside, that are equally near to two of its
- * parts. */
+ * parts, nor those beyond the edge of one that is not closed, where the hand changes sides. */
 typedef struct fs_report {
   char name[FS_NAME_SIZE];      /* for another client's object "client/object" */
   fs_primitive primitive;       /* as set */

@@ -2,9 +2,9 @@
  *
  * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
  * clutch and tool, and the forces of all scenes add. When a client is lost, even killed, its objects fade; whatever it
- * sends, it cannot push with more than its force_limit. What lost clients still push counts to the limit of the next
- * client that connects by the same name or for the same user: a program that comes again and again pushes no more than
- * one that stays. A client whose name has an '@', "client@site", is at another machine and is brought by a bridge: all clients
+ * sends, it cannot push with more than its force_limit. What lost clients still push counts to the limit of each
+ * client that then connects by the same name or for the same user: programs that come again and again push no more than
+ * those that stay. A client whose name has an '@', "client@site", is at another machine and is brought by a bridge: all clients
  * of one site (the text after the last '@') together push with no more than the force_limit, as if they were one client. Where
  * they want more, their sum is shortened with its direction kept, what lost ones still push included; each has its own limit,
  * too. A client that alone takes longer than a period in ten ticks in a row, or whose force is not finite, is disconnected,
