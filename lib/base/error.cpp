@@ -48,7 +48,8 @@ fs_status set_last_error_literal(fs_status status, const char* literal) noexcept
 const char* last_error() noexcept { return last_text; }
 
 void fail_to_start(const char* thread, const char* why) {
-  fail(FS_ERROR_IO, "%s could not be started: %s; see what is left of memory (ulimit -v) and of processes (ulimit -u)", thread, why);
+  fail(FS_ERROR_IO, "%s could not be started: %s; see what is left of memory (ulimit -v) and of processes (ulimit -u)", thread,
+       why);
 }
 
 }  // namespace fs

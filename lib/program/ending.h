@@ -25,7 +25,8 @@ class Ending {
     action.sa_handler = [](int) {
       const int before = errno;
       const std::uint64_t one = 1;
-      if (write(event_, &one, sizeof one) < 0) {}  // it is full: it has told already
+      if (write(event_, &one, sizeof one) < 0) {
+      }  // it is full: it has told already
       errno = before;
     };
     action.sa_flags = SA_RESTART;
