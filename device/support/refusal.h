@@ -10,6 +10,8 @@
 
 #include <forceserver/driver.h>
 
+#include "base/decimal_point.h"
+
 namespace fs {
 
 struct Refusal {
@@ -20,6 +22,7 @@ struct Refusal {
 // Throws a Refusal with a printf-formatted sentence, of at most 1000 bytes.
 [[noreturn, gnu::format(printf, 2, 3)]] inline void refuse(fs_status status, const char* format, ...) {
   char text[1000];
+  const DecimalPoint point;
   va_list arguments;
   va_start(arguments, format);
   std::vsnprintf(text, sizeof text, format, arguments);

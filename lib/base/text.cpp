@@ -3,15 +3,26 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "base/decimal_point.h"
+
 namespace fs {
 
 std::string formatted(const char* format, va_list arguments) {
+  const DecimalPoint point;
   va_list again;
   va_copy(again, arguments);
   const int size = std::vsnprintf(nullptr, 0, format, arguments);
   std::string out(static_cast<size_t>(std::max(size, 0)), 0);
   std::vsnprintf(out.data(), out.size() + 1, format, again);
   va_end(again);
+  return out;
+}
+
+std::string formatted(const char* format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  std::string out = formatted(format, arguments);
+  va_end(arguments);
   return out;
 }
 

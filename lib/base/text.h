@@ -37,8 +37,9 @@ bool read_number(std::string_view text, Number& out) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-// What printf would print, of any length.
+// What printf would print, of any length; numbers have a decimal point, whatever the locale.
 [[gnu::format(printf, 1, 0)]] std::string formatted(const char* format, va_list arguments);
+[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
 
 // A text that a caller gave, for an error sentence: a long one is cut after 80 bytes and ends with "...".
 std::string shortened(std::string_view text);

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <string_view>
+
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -47,25 +48,20 @@ void SceneBudget::note(const Object& object, double slope, double texture_part, 
 }
 
 std::string SceneBudget::text_of(const Announcement& told) {
-  char text[200];
   const bool is_bounded = told.now < told.wanted;
-  int size;
+  std::string out;
   if (told.takes_what_it_gets) {
-    size = std::snprintf(text, sizeof text, "its contact gets %.4g N/m at the device", told.now);
+    out = formatted("its contact gets %.4g N/m at the device", told.now);
   } else if (!is_bounded && told.impact_lost_now > 0) {
-    size = std::snprintf(text, sizeof text, "its slope is %.4g N/m at the device", told.now);
+    out = formatted("its slope is %.4g N/m at the device", told.now);
   } else if (!is_bounded) {
-    size = std::snprintf(text, sizeof text, "its slope is no longer bounded: %.4g N/m at the device", told.now);
+    out = formatted("its slope is no longer bounded: %.4g N/m at the device", told.now);
   } else if (told.wanted < never) {
-    size = std::snprintf(text, sizeof text, "its slope is bounded to %.4g N/m at the device, of %.4g", told.now, told.wanted);
+    out = formatted("its slope is bounded to %.4g N/m at the device, of %.4g", told.now, told.wanted);
   } else {
-    size = std::snprintf(text, sizeof text, "its force jumps: its slope is bounded to %.4g N/m at the device", told.now);
+    out = formatted("its force jumps: its slope is bounded to %.4g N/m at the device", told.now);
   }
-  std::string out(text, static_cast<size_t>(size));
-  const auto add_part = [&](double part, const char* what) {
-    std::snprintf(text, sizeof text, ", with %.0f %% of its %s", 100 * part, what);
-    out += text;
-  };
+  const auto add_part = [&](double part, const char* what) { out += formatted(", with %.0f %% of its %s", 100 * part, what); };
   if (told.texture_part < 1) add_part(told.texture_part, "texture's heights");
   if (told.impact_lost_now >= 1) out += ", without its impact";
   else if (told.impact_lost_now > 0) add_part(1 - told.impact_lost_now, "impact at 0.3 m/s");

@@ -1,11 +1,11 @@
 #include "servo/device_events.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 
 #include "base/names.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -14,9 +14,8 @@ constexpr uint32_t device_fault = FS_FAULT_DEVICE;
 
 // The reasons why the force stopped.
 std::string words_of(uint32_t faults, double speed_limit) {
-  char fast[64];
-  std::snprintf(fast, sizeof fast, "the hand was above speed_limit, %.4g m/s", speed_limit);
-  const std::pair<uint32_t, const char*> all[]{{FS_FAULT_SPEED, fast},
+  const std::string fast = formatted("the hand was above speed_limit, %.4g m/s", speed_limit);
+  const std::pair<uint32_t, const char*> all[]{{FS_FAULT_SPEED, fast.c_str()},
                                                {FS_FAULT_NUMBER, "a pose or force was not finite"},
                                                {FS_FAULT_LATE, "20 ticks in a row were each later than a period"}};
   std::string text;
@@ -94,9 +93,7 @@ bool DeviceEvents::take(uint64_t& next, const Known& known, fs_event& out) const
       text = "not ready";
       if (event.flags) text += std::string(": ") + state_reason(event.flags);
     } else {
-      char old[80];
-      std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * known.pose_age);
-      text = old;
+      text = formatted("its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * known.pose_age);
     }
     text += "; the force will ramp up again";
   } else if (event.faults) {

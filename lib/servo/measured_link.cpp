@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -19,10 +20,8 @@ std::string why_not(const fs_link& link) {
              {"loss", link.loss, 0, 1, ""}};
   for (const auto& field : fields) {
     if (field.value >= field.low && field.value <= field.high) continue;
-    char text[200];
-    std::snprintf(text, sizeof text, "its driver measures a %s of %.4g%s, must be within %.4g..%.4g%s: this does not count",
-                  field.name, field.value, field.unit, field.low, field.high, field.unit);
-    return text;
+    return formatted("its driver measures a %s of %.4g%s, must be within %.4g..%.4g%s: this does not count", field.name,
+                     field.value, field.unit, field.low, field.high, field.unit);
   }
   return {};
 }

@@ -2,6 +2,7 @@
 // too, they are read and written alike. The test makes such a locale, because a machine may have none.
 #include <clocale>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <sstream>
 
@@ -84,8 +85,24 @@ START_TEST(uris_have_points) {
 }
 END_TEST
 
+// A sentence shows a number as it has to be written.
+START_TEST(sentences_have_points) {
+  const Comma comma;
+  fs_device* device = nullptr;
+  EXPECT(FS_ERROR_INVALID, fs_device_open("sim:?mass=0.001", &device));
+  ck_assert_msg(std::strstr(fs_last_error(), "within 0.01..10"), "%s", fs_last_error());
+  fs_object wall = fs_wall_init("wall", fs_vec3{}, fs_vec3{0, 0, 1}, 1000, 10);
+  wall.back.limit = -0.5;
+  EXPECT(FS_ERROR_INVALID, fs_object_set(make_scene().get(), &wall));
+  ck_assert_msg(std::strstr(fs_last_error(), " is -0.5,"), "%s", fs_last_error());
+  char text[8];
+  std::snprintf(text, sizeof text, "%g", 0.5);
+  ck_assert_str_eq(text, "0,5");  // the locale of the program is as it was
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("locale");
-  add_case(suite, "a decimal comma", {files_are_the_same, expressions_have_points, uris_have_points});
+  add_case(suite, "a decimal comma", {files_are_the_same, expressions_have_points, uris_have_points, sentences_have_points});
   return run_suite(suite);
 }
