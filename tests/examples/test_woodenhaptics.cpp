@@ -130,30 +130,38 @@ START_TEST(row_of_the_table) {
 }
 END_TEST
 
+// Goes there from the place where it is homed, with counters that begin at `offset`. False: on a busy machine the driver has missed
+// so many reports that an encoder seemed to jump.
+static bool goes_to(Arm& it, const fs_vec3& pose, int offset) {
+  {
+    const std::lock_guard lock(it.stand_in.mutex);
+    it.stand_in.is_silent = true;
+  }
+  it.stand_in.hold_at(arm::home);
+  for (int& each : it.stand_in.count_offset) each = offset;
+  {
+    const std::lock_guard lock(it.stand_in.mutex);
+    it.stand_in.is_silent = false;
+  }
+  it.home();
+  // No faster than an arm that is not broken: the next place is sent when the driver has seen this one.
+  for (int i = 1; i <= 100; ++i) {
+    it.stand_in.hold_at(arm::home + 0.01 * i * (pose - arm::home));
+    const uint64_t before = it.stand_in.reports();
+    const auto is_homed = [&] { return !(it.state().flags & FS_STATE_NOT_HOMED); };
+    ck_assert(until([&] { return !is_homed() || (it.stand_in.reports() > before && it.is_right()); }));
+    if (!is_homed()) return false;
+  }
+  return true;
+}
+
 START_TEST(it_tells_where_the_handle_is) {
   Arm it;
   it.open();
   for (const int offset : {0, 32700, -32700}) {  // the counters of 16 bits run over
     for (const fs_vec3& pose : poses) {
-      {
-        const std::lock_guard lock(it.stand_in.mutex);
-        it.stand_in.is_silent = true;
-      }
-      it.stand_in.hold_at(arm::home);
-      for (int& each : it.stand_in.count_offset) each = offset;
-      {
-        const std::lock_guard lock(it.stand_in.mutex);
-        it.stand_in.is_silent = false;
-      }
-      it.home();
-      // No faster than an arm that is not broken: the next place is sent when the driver has seen this one.
-      for (int i = 1; i <= 100; ++i) {
-        it.stand_in.hold_at(arm::home + 0.01 * i * (pose - arm::home));
-        const uint64_t before = it.stand_in.reports();
-        ck_assert(until([&] { return it.stand_in.reports() > before && it.is_right(); }));
-      }
-      ck_assert_msg(until([&] { return it.is_right(); }), "(%g, %g, %g), not (%g, %g, %g)", it.state().pose.position.x,
-                    it.state().pose.position.y, it.state().pose.position.z, pose.x, pose.y, pose.z);
+      ck_assert_msg(until([&] { return goes_to(it, pose, offset) && it.is_right(); }), "(%g, %g, %g), not (%g, %g, %g)",
+                    it.state().pose.position.x, it.state().pose.position.y, it.state().pose.position.z, pose.x, pose.y, pose.z);
     }
   }
 }
