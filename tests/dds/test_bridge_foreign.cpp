@@ -220,23 +220,23 @@ START_TEST(nonsense_is_left_out) {
   forceserver_Edit edit{};
   put_text(edit.site, "desk");
   put_text(edit.client, "app");
-  put_text(edit.name, "nobody");
   put_text(edit.asker, "rover");
-  edit.number = 1;
-  edit.removes = true;
-  ck_assert(foreign.room.edits.writer.write(edit));
-  put_text(edit.name, "spring");
-  edit.number = 2;
-  edit.removes = false;
   edit.parts = ~0u;
   edit.wanted.place = {{nan, nan, nan}, {1, 0, 0, 0}};
-  ck_assert(foreign.room.edits.writer.write(edit));
-  int refused = 0;
+  const auto ask = [&](const char* of, bool removes) {
+    put_text(edit.name, of);
+    edit.removes = removes;
+    ++edit.number;
+    ck_assert(foreign.room.edits.writer.write(edit));
+  };
+  int refused = 0, looks = 0;
   EVENTUALLY(([&] {
+    // Again: an answer is lost where the bridge does not know yet who hears it.
+    if (looks++ % 2000 == 0) ask("nobody", true), ask("spring", false);
     foreign.room.answers.reader.take([&](const forceserver_Answer& answer, const dds_sample_info_t& info) {
       if (info.valid_data && answer.result < 0 && *answer.text) ++refused;
     });
-    return refused == 2;
+    return refused >= 2;
   }()));
   EXPECT_VECTOR(app.object_get("spring").pose.position, (fs_vec3{0.04, 0, 0}), 0);
   // All of that was left out, and what makes sense is felt.
