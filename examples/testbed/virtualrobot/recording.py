@@ -62,8 +62,9 @@ def _of_ground(ground: Ground) -> str:
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Ctrl-C and SIGTERM, which end the program, come before or after: a line is counted if it is written."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})  # raises what has come just before
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
