@@ -326,6 +326,7 @@ def test_own_and_others_objects_in_one_gesture(lab: Lab, page: Page, second: Sec
         page.keyboard.press("Control+Shift+z")
     each("damping", [1.5] * 3)
     each("position", moved)
+    page.wait_for_function("() => editor.model.byName('point').pose.position[0] === 0.1")  # the page knows, too
     # A turn about the first of them carries the others around it.
     page.click("#look-top")
     page.keyboard.press("e")
