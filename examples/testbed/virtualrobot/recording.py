@@ -61,13 +61,20 @@ def _of_ground(ground: Ground) -> str:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM, which end the program, come before or after: a line is counted if it is written."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    """Ctrl-C and SIGTERM, which end the program, come before or after: a line is counted if it is written. A mask of signals would not
+    hold for other threads, such as those of VTK."""
+    came: list[int] = []
+    before: dict[int, Any] = {}
     try:
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})  # raises what has come just before
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.getsignal(number)
+            signal.signal(number, lambda number, _: came.append(number))
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    for each in came:
+        signal.raise_signal(each)
 
 
 class Recorder:
