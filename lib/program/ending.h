@@ -15,14 +15,16 @@
 
 // While it exists, the signals that end a program end nothing: wait() tells of them. So the program always sets the force
 // to 0 and restores the terminal. These are handlers, as a mask would not hold for the threads that a driver has started.
-// One at a time.
+// A signal that wait() has not told of has its usual effect at the end of this object. One at a time.
 class Ending {
  public:
   Ending() {
     if (event_ < 0) event_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (event_ < 0) throw std::runtime_error("there is no file descriptor left to wait for signals with");
+    came_ = 0;
     struct sigaction action{};
-    action.sa_handler = [](int) {
+    action.sa_handler = [](int signal) {
+      if (signal != SIGPIPE) came_ = signal;  // of that the write tells, too
       const int before = errno;
       const std::uint64_t one = 1;
       if (write(event_, &one, sizeof one) < 0) {
@@ -36,16 +38,20 @@ class Ending {
   Ending& operator=(const Ending&) = delete;
   ~Ending() {
     for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &before_[i], nullptr);
+    if (came_ && !is_told_) raise(came_);
   }
   bool wait(double seconds) const {  // true: a signal has asked us to end
     const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
     pollfd asked = {event_, POLLIN, 0};
     ppoll(&asked, 1, &time, nullptr);  // any signal ends it
-    return poll(&asked, 1, 0) > 0;
+    is_told_ = poll(&asked, 1, 0) > 0;
+    return is_told_;
   }
 
  private:
   static constexpr std::array<int, 5> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXCPU};
   static inline int event_ = -1;
+  static inline volatile sig_atomic_t came_ = 0;  // the last signal but SIGPIPE
+  mutable bool is_told_ = false;
   std::array<struct sigaction, signals.size()> before_;
 };
