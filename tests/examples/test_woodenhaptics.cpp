@@ -364,10 +364,14 @@ START_TEST(an_encoder_that_jumps) {
   OK(fs_device_control(it.device.get(), "status", &answer));
   ck_assert_msg(std::strstr(answer.text, "not homed"), "%s", answer.text);
   it.servo.reset();
-  it.home();
-  it.stand_in.hold_loosely(arm::home);
-  it.push({0, 0, 1});
-  ck_assert(until([&] { return norm(it.state().pose.position - arm::home - fs_vec3{0, 0, 0.01}) < 1e-3; }));
+  ck_assert(until([&] {
+    if (!it.is_ready()) {  // at first, and where a busy machine makes an encoder seem to jump
+      it.home();
+      it.stand_in.hold_loosely(arm::home);
+    }
+    it.push({0, 0, 1});
+    return norm(it.state().pose.position - arm::home - fs_vec3{0, 0, 0.01}) < 1e-3;
+  }));
 }
 END_TEST
 
