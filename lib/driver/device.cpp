@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/error.h"
+#include "base/text.h"
 #include "driver/call_driver.h"
 #include "driver/open_devices.h"
 #include "driver/registry.h"
@@ -23,12 +24,18 @@ std::string scheme_of(const char* uri) {
 
 const fs_driver& driver_of(const char* uri) {
   const std::string scheme = scheme_of(uri);
-  if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme, such as sim: or falcon:0", uri);
+  const std::string quoted = shortened(uri);
+  if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme, such as sim: or falcon:0", quoted.c_str());
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
   std::string schemes;
   for (const std::string& known : all_schemes()) schemes += (schemes.empty() ? "" : ", ") + known;
-  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s', and no module %s/%s.so; the drivers are: %s", uri,
-       scheme.c_str(), module_folder().c_str(), scheme.c_str(), schemes.empty() ? "none" : schemes.c_str());
+  if (schemes.empty()) schemes = "none";
+  if (!is_scheme(scheme)) {
+    fail(FS_ERROR_NOT_FOUND, "device '%s': the name of a driver is 1..%zu of a-z and 0-9; the drivers are: %s", quoted.c_str(),
+         scheme_length_max, schemes.c_str());
+  }
+  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s', and no module %s/%s.so; the drivers are: %s", quoted.c_str(),
+       scheme.c_str(), module_folder().c_str(), scheme.c_str(), schemes.c_str());
 }
 
 void check_info(const fs_device_info& info, const char* scheme) {

@@ -18,8 +18,6 @@
 namespace fs {
 namespace {
 
-constexpr size_t scheme_length_max = 31;
-
 struct RegisteredDriver {
   fs_driver table;   // its scheme points to the key
   std::string path;  // of its library; empty: it has none
@@ -35,11 +33,6 @@ struct Registry {
 Registry& registry() {
   static Registry* const instance = new Registry;
   return *instance;
-}
-
-bool is_scheme(const std::string& text) {
-  return !text.empty() && text.size() <= scheme_length_max &&
-         text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789") == std::string::npos;
 }
 
 // The table as this library knows it: functions that an older driver did not have yet are null.
@@ -147,6 +140,11 @@ std::vector<std::string> module_schemes() {
 }
 
 }  // namespace
+
+bool is_scheme(const std::string& text) {
+  return !text.empty() && text.size() <= scheme_length_max &&
+         text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789") == std::string::npos;
+}
 
 void register_driver(const fs_driver& driver) { add(driver, "", nullptr); }
 

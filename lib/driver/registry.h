@@ -2,12 +2,17 @@
 // Any thread may call these functions at any time, even from static initialisers and while the process ends.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
 #include <forceserver/driver.h>
 
 namespace fs {
+
+// Whether a driver can have this name.
+inline constexpr size_t scheme_length_max = 31;
+bool is_scheme(const std::string& text);
 
 // Copies the table and the scheme. Throws INVALID (a missing function, a scheme that is not 1..31 of [a-z0-9]), EXISTS,
 // VERSION. list, write_model, advance, get_link and control may be null.

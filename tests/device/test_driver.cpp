@@ -101,6 +101,9 @@ END_TEST
 START_TEST(device_of_no_driver) {
   const std::string text = expect_error(FS_ERROR_NOT_FOUND, "no driver 'foo', and no module ", [] { open_device("foo:bar"); });
   ck_assert_msg(text.find("fakereallink, sim") != std::string::npos, "%s", text.c_str());
+  expect_error(FS_ERROR_NOT_FOUND, "'Foo:bar': the name of a driver is 1..31 of a-z and 0-9", [] { open_device("Foo:bar"); });
+  const std::string endless(100000, 'x');
+  ck_assert(expect_error(FS_ERROR_NOT_FOUND, "xxx...'", [&] { open_device((endless + ":bar").c_str()); }).size() < 400);
   expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device("sim"); });
   expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device(""); });
   expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device(":x"); });

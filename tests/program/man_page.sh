@@ -42,7 +42,7 @@ if [[ $program == *forceserver ]]; then
   shows '^              the scene with a simulated device and hand, until Ctrl-C$'
   shows '^       forceserver devices$'
 fi
-[ "$(wc -l < "$shown")" -ge 60 ] || fail "the page has $(wc -l < "$shown") lines"
+[ "$(wc -l < "$shown")" -ge 25 ] || fail "the page has $(wc -l < "$shown") lines"
 
 echo "$failures failures"
 [ $failures = 0 ]

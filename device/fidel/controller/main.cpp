@@ -60,7 +60,9 @@ void run(const std::string& place, const std::string& uri) {
 int main(int count, char** arguments) {
   CLI::App
       app("The controller of a FIDEL, reached over UDP as fidel:udp:HOST:PORT, with the simulated device behind it.\n"
-          "It renders the force or the local model that its host sends, a thousand times a second, and ends on Ctrl-C.");
+          "It renders the force or the local model that its host sends, a thousand times a second, and ends on Ctrl-C.",
+          "fidel-controller");
+  app.set_version_flag("--version", std::string("fidel-controller ") + fs_version());
   std::string place = "127.0.0.1:" + std::to_string(fs::udp::usual_port), uri = "sim:";
   app.add_option("--listen", place,
                  "HOST:PORT to listen at, or a PORT of this machine alone; port 0: any that is free. Anybody who reaches it can "
