@@ -1,9 +1,12 @@
 #include "budget/scene_budget.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <string_view>
+#include <thread>
+#include <utility>
 
 #include "base/text.h"
 
@@ -11,6 +14,8 @@ namespace fs {
 namespace {
 
 constexpr double exact_every = 1;  // s
+// How many bounds are entered without a pause: 256 that change, or 32 times as many that do not.
+constexpr size_t work_of_change = 32, portion = 256 * work_of_change;
 
 Box widened(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
 bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
@@ -217,11 +222,12 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   seen_.has_any = !all.objects.empty();
   if (!seen_.within.is_empty()) seen_.clear = widened(seen_.within, std::min(all.clear, 1e9));
 
-  const std::lock_guard lock(mutex_);
+  Lock lock(mutex_);
   if (!is_at_work()) return true;
   // If edits came meanwhile, they are looked at later.
-  const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
-  enter(all, scene, next_pace(rises_at_once));
+  const bool was_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
+  const bool is_newest = enter(all, scene, next_pace(rises_at_once), lock) && was_newest;
+  if (!is_at_work()) return true;
   seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
   tell(time);
   return true;
@@ -248,22 +254,55 @@ Pace SceneBudget::next_pace(bool at_once) {
   return {is_exact ? Pace::exact : 0.9, at_once ? never : growth};
 }
 
-// Has the servo evaluate these within their bounds.
-void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace) {
+// Leaves the lock to others for a moment. False: meanwhile they have changed something.
+bool SceneBudget::give_way(Lock& lock) {
+  const uint64_t sequence = evaluated_.sequence();
+  lock.unlock();
+  std::this_thread::sleep_for(std::chrono::microseconds(100));  // at once it would have the lock again before any that waits
+  lock.lock();
+  const bool is_alone = evaluated_.newest() && evaluated_.sequence() == sequence;
+  if (is_at_work()) evaluated_.prepare();
+  return is_alone;
+}
+
+// Has the servo evaluate these within their bounds. False: others have changed something meanwhile.
+bool SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace, Lock& lock) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
   if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   const fs_frame frame = evaluated_.views.frame();
-  bool has_changed = false, wants = false, has_damping = false;
+  bool has_changed = false, wants = false, has_damping = false, is_alone = true;
   is_rising_ = false;
+  // In portions, so that a call among many objects need not wait for all of them. Between two portions all objects together never
+  // have more than is due, because what becomes less comes before what becomes more.
+  size_t work = 0;
+  const auto goes_on = [&] {
+    if (work < portion) return true;
+    work = 0;
+    if (std::exchange(has_changed, false)) evaluated_.changed();
+    is_alone &= give_way(lock);
+    return is_at_work();
+  };
+  const auto enter_one = [&](const ObjectBounds& one, const Pace& its_pace) {
+    const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, its_pace);
+    work += bound.has_changed ? work_of_change : 1;
+    has_changed |= bound.has_changed;
+    return bound;
+  };
   try {
+    if (all.objects.size() * work_of_change > portion) {
+      for (const ObjectBounds& one : all.objects) {
+        if (!goes_on()) return false;
+        enter_one(one, {pace.least, 0});
+      }
+    }
     for (const ObjectBounds& one : all.objects) {
+      if (!goes_on()) return false;
       seen_.is_moving |= one.is_moving;
       wants |= one.object->steepest_slope > 0;
       has_damping |= one.object->damping > 0 || (one.object->is_solid() && one.object->contact.damping > 0);
-      const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, pace);
-      has_changed |= bound.has_changed;
+      const Objects::Bound bound = enter_one(one, pace);
       is_rising_ |= bound.is_rising;
       if (bound.object && !bound.is_rising && limit.to_device > 0) {
         const double lost = impact_lost(*bound.object, seen_.limit.impact, frame);
@@ -283,9 +322,11 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const P
   sharing_ = std::move(sharing);
   note_wanted(wants ? all.wanted : 0);
   has_damping_.store(has_damping, std::memory_order_relaxed);
-  if (told_.size() <= most_told_) return;
-  most_told_ = 2 * told_.size();
-  std::erase_if(told_, [&](const auto& told) { return !objects.has(told.first); });
+  if (told_.size() > most_told_) {
+    most_told_ = 2 * told_.size();
+    std::erase_if(told_, [&](const auto& told) { return !objects.has(told.first); });
+  }
+  return is_alone;
 }
 
 }  // namespace fs

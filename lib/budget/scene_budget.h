@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "base/name_map.h"
@@ -32,7 +33,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   // that changed or moving objects ask for, as each takes processor time. Returns false, and leaves the bounds as they are, if the hand
   // can reach nothing new within `ahead` and nothing has changed that cannot wait for `rest`. An object that is set between two
   // calls has the bounds of an object alone until the next. The bounds are worked out without the scene's lock, and entered
-  // with it. One thread at a time; not [rt].
+  // with it; those of many objects in portions, between which others have the lock. One thread at a time; not [rt].
   bool update(const DeviceLimit& limit, double ahead, double rest);
 
   SceneWant wanted() const noexcept {  // any thread
@@ -47,7 +48,9 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   void settle();
   Box reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit, double time);
   bool is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const;
-  void enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace);
+  using Lock = std::unique_lock<std::mutex>;
+  bool enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace, Lock& lock);
+  bool give_way(Lock& lock);
   void note_wanted(double wanted) noexcept;
   struct Announcement;
   void note(const Object& object, double slope, double texture_part, double impact_lost, double to_device);

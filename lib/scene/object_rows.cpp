@@ -62,19 +62,20 @@ bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& b
 
 // The bounds after those of now, on the way to what is due.
 static Bounds risen(const Bounds& now, const Bounds& due, double growth) noexcept {
+  if (growth == 0) return joined(now, due);
   const auto one = [growth](double has, double is_due) { return std::min(is_due, std::max(growth * has, 0.01 * is_due)); };
   return {one(now.slope, due.slope), one(now.stiffness, due.stiffness), one(now.damping, due.damping),
           one(now.contact_damping, due.contact_damping)};
 }
 
 uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, const Pace& pace, bool& is_rising) {
-  assert(pace.least > 0 && pace.least <= 1 && pace.growth >= 1);
+  assert(pace.least > 0 && pace.least <= 1 && (pace.growth >= 1 || pace.growth == 0));
   const Row& now = row(newest);
   const Object& object = *now.object;
   Bounds wanted = of_use(joined(bounds, bounds_), object);
   if (is_bound(newest, object, wanted, pace.least)) return newest;
   const bool is_near = spread().blend > 0 && may_be_felt(newest);
-  if (is_near && now.bounded) {
+  if ((is_near || pace.growth == 0) && now.bounded) {
     const Bounds next = of_use(risen(now.bounded->bounds, wanted, pace.growth), object);
     is_rising = !serve_as(next, wanted, pace.least);
     wanted = next;

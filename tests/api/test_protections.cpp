@@ -2,10 +2,12 @@
 // and the local models that a servo sends to a controller behind a link.
 #include <unistd.h>
 
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <thread>
 #include <vector>
 
 #include <forceserver/driver.h>
@@ -849,6 +851,45 @@ START_TEST(a_bound_rises_slowly) {
 }
 END_TEST
 
+// The bounds of many are entered in portions, between which others change the scene.
+START_TEST(many_share_while_others_change_the_scene) {
+  Wandering s;
+  fs_scene* const scene = s.rig.scene.get();
+  constexpr int count = 600;
+  const auto set_wall = [&](int number, double stiffness) { set(scene, wall(("wall " + std::to_string(number)).c_str(), stiffness, 20)); };
+  for (int i = 0; i < count; ++i) set_wall(i, 1000);
+  set(scene, hazard(0, {0, 0, 90}, 1, 0.01, 0.1));
+  s.start(0.4, 0.4);
+  const double all = stats_of(scene).max_stiffness;
+  double most = 0;
+  std::atomic<bool> ends{false};
+  std::thread other([&] {
+    for (int i = 0; !ends; ++i) {
+      const fs_pose pose{{1e-3 * (i % 100), 0, 90}, {1, 0, 0, 0}};
+      OK(fs_object_move(scene, "hazard 0", &pose, nullptr, FS_NOW));
+    }
+  });
+  Random random(1);
+  for (int round = 0; round < (is_sanitized ? 2 : times(4, 20)); ++round) {
+    const int first = static_cast<int>(random.below(3));
+    for (int i = first; i < count; i += 3) set_wall(i, random.coin() ? 1000 : random.log_between(0.01, 1000));
+    s.go_to({0, 0, -2e-3}, 60);  // what is set has the bound of an object alone until then
+    s.most = 0;
+    s.go_to({0, 0, -1e-3 * static_cast<double>(random.below(5))}, 400);
+    most = std::fmax(most, s.most / all);
+    ck_assert_msg(most <= 1 + 1e-6, "a slope of %g of what is rendered", most);
+  }
+  ends = true;
+  other.join();
+  for (int i = 0; i < count; ++i) set_wall(i, 1000);
+  s.go_to({0, 0, -2e-3}, 3000);
+  double sum = 0;
+  for (int i = 0; i < count; ++i) sum += applied(scene, "wall " + std::to_string(i));
+  std::printf("  %d walls: at most %.3f, in the end %.3f of what is rendered\n", count, most, sum / all);
+  EXPECT_NEAR(sum, all, 1e-6 * all);
+}
+END_TEST
+
 // At whatever place of whatever scene the hand is, the slopes of all that it feels there add up to no more than is rendered.
 START_TEST(slopes_add_up_to_no_more) {
   const int count = is_sanitized ? 5 : times(20, 300);
@@ -901,6 +942,7 @@ int main() {
   add_case(suite, "model", {models_are_written, models_follow_the_delay, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
                              equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, the_clutch_moves_the_workspace, what_fades_out_shares,
-                             a_bound_is_given_back_in_full, a_bound_rises_slowly, slopes_add_up_to_no_more});
+                             a_bound_is_given_back_in_full, a_bound_rises_slowly,
+                             many_share_while_others_change_the_scene, slopes_add_up_to_no_more});
   return run_suite(suite);
 }
