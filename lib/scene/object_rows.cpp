@@ -62,8 +62,9 @@ bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& b
 
 // The bounds after those of now, on the way to what is due.
 static Bounds risen(const Bounds& now, const Bounds& due, double growth) noexcept {
-  if (growth == 0) return joined(now, due);
-  const auto one = [growth](double has, double is_due) { return std::min(is_due, std::max(growth * has, 0.01 * is_due)); };
+  const auto one = [growth](double has, double is_due) {
+    return std::min(is_due, growth == 0 ? has : std::max(growth * has, 0.01 * is_due));
+  };
   return {one(now.slope, due.slope), one(now.stiffness, due.stiffness), one(now.damping, due.damping),
           one(now.contact_damping, due.contact_damping)};
 }

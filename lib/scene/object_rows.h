@@ -16,8 +16,8 @@ namespace fs {
 struct Pace {
   static constexpr double exact = 1 - 1e-9;
   double least = exact;   // bounds of at least this part of what is due stay, so that small changes make no new versions
-  double growth = never;  // a bound becomes this many times as much at most, or a hundredth of what is due if that is more;
-                          // 0: none becomes more
+  double growth = never;  // in one step a bound becomes this many times as much at most, or a hundredth of what is due if that
+                          // is more; 0: bounds only become less
 };
 
 // An object as an application has set it.

@@ -279,6 +279,38 @@ START_TEST(weights_have_no_step) {
 }
 END_TEST
 
+// What is to become less does so at once; what is to become more waits where the pace says so.
+START_TEST(bounds_fall_at_once_and_rise_at_their_pace) {
+  fs_object object = fs_object_init("name", FS_PRIMITIVE_POINT);
+  object.front = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, 1, 0, 0.1);  // it jumps, so it wants all
+  Entry entry;
+  entry.object = parse_object(object).object;
+  OneName scene(0.05, 0.01);
+  uint32_t newest = scene.rows.add(entry);
+  bool is_rising = false;
+  const auto bound = [&](double slope, const Pace& pace) {
+    is_rising = false;
+    newest = scene.rows.bound(newest, {.slope = slope}, pace, is_rising);
+    return scene.rows.row(newest).bounded->bounds.slope;
+  };
+  const Pace only_less{0.9, 0};
+  ck_assert_double_eq(bound(100, only_less), 100);  // it had none
+  scene.post();
+  scene.tick(1);
+  scene.output.tick = 1;  // the hand may be near from now on
+  ck_assert_double_eq(bound(50, only_less), 50);
+  ck_assert(!is_rising);
+  ck_assert_double_eq(bound(80, only_less), 50);
+  ck_assert(is_rising);
+  ck_assert_double_eq(bound(52, only_less), 50);  // at least 0.9 of what is due
+  ck_assert(!is_rising);
+  ck_assert_double_eq(bound(80, {0.9, 1.25}), 62.5);
+  ck_assert(is_rising);
+  ck_assert_double_eq(bound(80, {0.9, never}), 80);
+  ck_assert(!is_rising);
+}
+END_TEST
+
 // Another profile takes over the weight of the one before: each of them changes fast, but what is felt of the name as slowly
 // as it fades, whatever comes between.
 START_TEST(weights_are_taken_over) {
@@ -644,7 +676,8 @@ int main() {
   for (const TTest* test : {mailbox_and_seqlock_are_never_torn, mailbox_takes_back}) tcase_add_test(test_case, test);
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,
-        weights_are_taken_over, versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken,
+        bounds_fall_at_once_and_rise_at_their_pace, weights_are_taken_over, versions_are_not_overtaken,
+        views_have_no_step_and_are_not_overtaken,
         a_fade_of_no_duration_is_at_once, events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists,
         histogram_agrees_with_sorting}) {
     if (!scenes::seeks_races) tcase_add_test(test_case, test);
