@@ -18,7 +18,10 @@ void end(int) { is_ending = true; }
 void end_on_signals() {
   struct sigaction action{};
   action.sa_handler = end;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  struct sigaction hang_up{};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  if (hang_up.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // else nohup has had it ignored
   signal(SIGPIPE, SIG_IGN);
 }
 

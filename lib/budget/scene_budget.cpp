@@ -14,7 +14,7 @@ namespace fs {
 namespace {
 
 constexpr double exact_every = 1;  // s
-// How many bounds are entered without a pause: 256 that change, or 32 times as many that do not.
+// The work between two pauses: a bound that is looked at and stays counts as 1, one that changes as 32.
 constexpr size_t work_of_change = 32, portion = 256 * work_of_change;
 
 Box widened(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
@@ -245,11 +245,11 @@ Pace SceneBudget::next_pace(bool at_once) {
   const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
   if (is_exact) exact_at_ = seen_.time;
   constexpr double step = 0.05, doubling = 0.25;  // s
-  const double since = std::fabs(seen_.time - rises_since_);
+  const double since = std::fabs(seen_.time - rose_at_);
   double growth = 1;
   if (since >= step) {
     growth = std::exp2((is_rising_ ? std::min(since, 1.0) : step) / doubling);
-    rises_since_ = seen_.time;
+    rose_at_ = seen_.time;
   }
   return {is_exact ? Pace::exact : 0.9, at_once ? never : growth};
 }

@@ -16,9 +16,9 @@
 
 namespace fs {
 
-// What the objects of a scene want that the hand may feel soon, at most; it begins as it is when nobody knows.
+// The most that all objects of a scene which the hand may feel soon want together. It begins as what it is while nobody knows.
 struct SceneWant {
-  double stiffness = never;  // N/m of the loop, of those together; 0: there are none that want any
+  double stiffness = never;  // N/m of the loop; 0: there are none that want any
   bool has_damping = true;   // any of them has some
   bool operator==(const SceneWant&) const = default;
 };
@@ -79,11 +79,11 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   Basis seen_;
   Pace next_pace(bool at_once);
   double exact_at_ = -never;    // s, when bounds were last entered exactly
-  double rises_since_ = -never;  // s, of the step before
+  double rose_at_ = -never;      // s, when bounds last became more
   bool is_rising_ = false;      // more is due than has been entered
-  double hand_time_ = never;    // s, of the tick that
-  Vec3 hand_{};                 // saw the tool here, m,
-  double speed_ = 0;            // and so fast, m/s
+  double hand_time_ = never;    // s, of the last tick that was read
+  Vec3 hand_{};                 // m, where the tool was then
+  double speed_ = 0;            // m/s, of the tool then
   // What the tool could reach in the last second: a box for each quarter of it, the newest first.
   static constexpr double been_for = 0.25;  // s
   std::array<Box, 5> been_;

@@ -10,8 +10,8 @@
 
 namespace fs {
 
-// Whether a driver can have this name.
 inline constexpr size_t scheme_length_max = 31;
+// Whether a driver can have this name.
 bool is_scheme(const std::string& text);
 
 // Copies the table and the scheme. Throws INVALID (a missing function, a scheme that is not 1..31 of [a-z0-9]), EXISTS,

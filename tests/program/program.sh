@@ -267,9 +267,12 @@ expect 2 'cannot write big.csv: .*goes on' bash -c 'ulimit -f 10; "$0" run --dur
 if [ -w /dev/full ]; then
   expect 2 'cannot write /dev/full.*goes on' "$program" run --duration 1 --record /dev/full
 fi
-"$program" run > ended 2>&1 &
+nohup "$program" run > ended 2>&1 &
 runs=$!
 until_says '^the device is ready$' cat ended
+kill -HUP $runs  # nohup: the terminal may go
+sleep 0.5
+kill -0 $runs || { echo "FAILED: a hang-up ends a run under nohup"; failures=$((failures + 1)); }
 kill -INT $runs
 wait $runs
 status=$?

@@ -28,7 +28,10 @@ void say(const std::string& line) {
 void catch_signals() {
   struct sigaction action{};
   action.sa_handler = [](int) { is_ending = 1; };
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  struct sigaction hang_up{};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  if (hang_up.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // else nohup has had it ignored
   std::signal(SIGPIPE, SIG_IGN);
 }
 
