@@ -890,6 +890,21 @@ START_TEST(many_share_while_others_change_the_scene) {
 }
 END_TEST
 
+// A large ball touches walls that are far from the hand.
+START_TEST(walls_that_a_ball_touches_share) {
+  Wandering s;
+  constexpr int count = 20;
+  OK(fs_scene_set_tool_radius(s.rig.scene.get(), 0.31));
+  for (int i = 0; i < count; ++i) set(s.rig.scene.get(), wall(("wall " + std::to_string(i)).c_str(), 1000, 20, -0.3));
+  s.start(0.4, 0.4);
+  s.go_to({}, 3000);
+  const double all = stats_of(s.rig.scene.get()).max_stiffness;
+  for (int i = 0; i < count; ++i) {
+    EXPECT_NEAR(applied(s.rig.scene.get(), "wall " + std::to_string(i)), all / count, 1e-6 * all);
+  }
+}
+END_TEST
+
 // At whatever place of whatever scene the hand is, the slopes of all that it feels there add up to no more than is rendered.
 START_TEST(slopes_add_up_to_no_more) {
   const int count = is_sanitized ? 5 : times(20, 300);
@@ -943,6 +958,6 @@ int main() {
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
                              equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, the_clutch_moves_the_workspace, what_fades_out_shares,
                              a_bound_is_given_back_in_full, a_bound_rises_slowly,
-                             many_share_while_others_change_the_scene, slopes_add_up_to_no_more});
+                             many_share_while_others_change_the_scene, walls_that_a_ball_touches_share, slopes_add_up_to_no_more});
   return run_suite(suite);
 }
