@@ -277,8 +277,9 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
  * equally near: it leads the hand away from there. A repulsive one is blended there, and was up to 2.1 times as steep as the
  * bound in random scenes. Nor is the step beyond the edge of a mesh that is not closed and whose front and back differ: there
- * the hand comes to the other side without a surface in between. Nor is what friction adds: while the proxy slips, the force of a contact
- * of stiffness k has a slope of up to k sqrt(1 + friction^2), of which the part along the surface only takes energy. */
+ * the hand comes to the other side without a surface in between. Nor is what friction adds: while the proxy slips, the force
+ * of a contact of stiffness k has a slope of up to k sqrt(1 + friction^2), of which the part along the surface only takes
+ * energy. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that
@@ -331,7 +332,9 @@ typedef struct fs_report {
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0.
-                                   Of solid objects that hold the hand, 64 at most are told with their proxies */
+                                   Of solid objects that hold the hand, 64 at most are told with their proxies. Where
+                                   there are more, distance, point and wrench of the others are worked out without
+                                   proxies: those of objects that are not felt too, and all together give another sum */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of

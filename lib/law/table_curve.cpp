@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "law/curve.h"
@@ -166,7 +168,10 @@ class TableCurve final : public Curve {
 Ref<const Curve> make_table_curve(const double* forces, size_t count, double step) {
   if (count < 2) fail(FS_ERROR_INVALID, "count is %zu, must be at least 2 entries of a table", count);
   if (!(step > 0) || !std::isfinite(step)) fail(FS_ERROR_INVALID, "step is %.9g, must be > 0 m and finite", step);
-  return make_ref<const TableCurve>(std::vector<double>(forces, forces + count), step);
+  std::vector<double> entries;
+  entries.reserve(count);  // throws where there cannot be so many
+  entries.assign(forces, forces + count);
+  return make_ref<const TableCurve>(std::move(entries), step);
 }
 
 }  // namespace fs
