@@ -83,10 +83,12 @@ configure() {
   fi
 }
 
-# build FOLDER [TARGET...]: shows one line of progress on a terminal; elsewhere prints only errors.
+# build FOLDER [TARGET...]: shows one line of progress on a terminal; elsewhere prints only errors. CMAKE_BUILD_PARALLEL_LEVEL: how
+# many compilers run at a time.
 build() {
   local folder=$1
   shift
+  [ -z "${CMAKE_BUILD_PARALLEL_LEVEL-}" ] || set -- -j "$CMAKE_BUILD_PARALLEL_LEVEL" "$@"
   echo "building in ${folder#"$PWD/"}"
   if [ -t 1 ]; then
     ninja -C "$folder" "$@"

@@ -103,6 +103,7 @@ std::string all_on_the_bus() {
       text += (text.empty() ? "" : ", ") + id_text(found.vendor, found.product) + (found.text.empty() ? "" : " " + found.text);
   }
   if (count > most) text += ", and " + std::to_string(count - most) + " more";
+  if (text.empty() && access("/sys/bus/usb", F_OK) != 0) return "this machine or container has no USB";
   return text.empty() ? "nothing is on the USB" : "on the USB are: " + text;
 }
 

@@ -103,7 +103,11 @@ void load(const char* path, const char* scheme) {
     fail(FS_ERROR_IO, "path is '%s', which is not a file", path);
   }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
-  if (!library) fail(FS_ERROR_IO, "path is '%s': %s", path, dlerror());
+  if (!library) {
+    const std::string why = dlerror(), beginning = path + std::string(": ");  // mostly it names the library itself
+    fail(FS_ERROR_IO, "the driver's library '%s' cannot be loaded: %s", path,
+         why.c_str() + (why.rfind(beginning, 0) == 0 ? beginning.size() : 0));
+  }
   void* const symbol = dlsym(library.get(), "fs_driver_entry");
   if (!symbol) fail(FS_ERROR_IO, "path is '%s', a library without a driver: %s", path, dlerror());
   if (!is_function(symbol)) fail(FS_ERROR_IO, "path is '%s', a library whose fs_driver_entry is no function", path);
@@ -133,7 +137,8 @@ std::vector<std::string> module_schemes() {
   std::vector<std::string> found;
   std::error_code error;  // mostly: there is no such folder
   for (const auto& file : std::filesystem::directory_iterator(module_folder(), error)) {
-    if (file.path().extension() == extension && is_scheme(file.path().stem())) found.push_back(file.path().stem());
+    if (file.path().extension() == extension && file.exists(error) && is_scheme(file.path().stem()))
+      found.push_back(file.path().stem());
   }
   std::sort(found.begin(), found.end());
   return found;

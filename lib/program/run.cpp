@@ -107,8 +107,7 @@ const char* realtime_name(fs_realtime realtime) {
     case FS_REALTIME_FIFO_LOCKED: return "real-time priority (FIFO) and locked memory";
     case FS_REALTIME_FIFO: return "real-time priority (FIFO), memory not locked";
     case FS_REALTIME_NICE: return "a better nice value, no real-time priority";
-    default:
-      return "nothing: an ordinary thread, which the system may keep waiting (rtprio in /etc/security/limits.d grants more)";
+    default: return "nothing: an ordinary thread, which the system may keep waiting (forceserver doctor tells how to grant more)";
   }
 }
 
@@ -268,7 +267,10 @@ void print_line(const Scene& scene, double time, const std::string& listen, bool
   std::string line = format("%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt%s: ", time, stats.rate,
                             stats.late_p99 * 1e6, length(sent.force), !listen.empty() ? " of its own objects" : "") +
                      felt(scene);
-  if (line.ends_with(nothing) && length(sent.force) > 0.05) line += "; the servo damps the hand a little";
+  if (line.ends_with(nothing) && length(sent.force) > 0.05) {
+    line +=
+        listen.empty() ? "; the servo damps the hand a little" : "; what clients give is told by: forceserver watch " + listen;
+  }
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {
     line += std::string("; a client stopped the force: ") + (asks ? "Enter, or " : "") + how_to_resume(listen);

@@ -116,6 +116,8 @@ int main(void)
   fails(fs_curve_create_expression("3*exp(-d/0.03", &curve), FS_ERROR_PARSE);
   fails(fs_curve_create_expression("3*sine(d)", &curve), FS_ERROR_PARSE);
   fails(fs_scene_save(scene, "no/such/folder.json"), FS_ERROR_IO);
+  write_file("falcon.so", "");
+  fails(fs_driver_load("./falcon.so"), FS_ERROR_IO);
 
   object = spring_of("spring");
   check(fs_object_set(scene, &object));

@@ -83,8 +83,8 @@ def main():
     good.append(check("bytes are counted", 142 * 3800 < int(there[5]) < 142 * 4000, there[5]))  # with 42 of Ethernet, IP and UDP
 
     net("loss 0", "delay 0", "jitter 0.010")
-    trips = [t for _, t, _ in from_site_1("10.77.0.3", 100, 50)]
-    good.append(check("jitter", min(trips) < 0.006 and 0.012 < max(trips) < 0.03, f"{min(trips):.6f} to {max(trips):.6f} s"))
+    trips = sorted(t for _, t, _ in from_site_1("10.77.0.3", 100, 50))[:-5]  # a busy machine holds some of them up
+    good.append(check("jitter", trips[0] < 0.006 and 0.012 < trips[-1] < 0.025, f"{trips[0]:.6f} to {trips[-1]:.6f} s"))
 
     net("jitter 0", "reorder 0.05 1>2")
     got = [n for n, _, _ in from_site_1("10.77.0.2")]

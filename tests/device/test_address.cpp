@@ -52,6 +52,11 @@ START_TEST(values) {
   }
   ck_assert_uint_eq(*with("b").choice("k", {"a", "b"}), 1);
   expect_refusal("k is 'c', must be one of a, b", [] { with("c").choice("k", {"a", "b"}); });
+  // Of a long text only the beginning is quoted, of whole characters, so that the sentence has its end.
+  std::string snowmen;
+  for (int i = 0; i < 2000; ++i) snowmen += "\u2603";
+  expect_refusal("\u2603...', must be one of a, b", [&] { with(snowmen).choice("k", {"a", "b"}); });
+  expect_refusal("\u2603...' is unknown; the options are k", [&] { Address("?" + snowmen + "=1", {"k"}); });
 }
 END_TEST
 

@@ -41,7 +41,7 @@ START_TEST(what_cannot_be_loaded_says_why) {
   fs_device* raw = nullptr;
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("unloadable:0", &raw), "a_function_that_nobody_has");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("entryless:0", &raw), "fs_driver_entry");
-  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("text:0", &raw), "text.so");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("text:0", &raw), "text.so' cannot be loaded: file too short");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("folder:0", &raw), "is not a file");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open("misnamed:0", &raw), "a module has the name of its scheme");
   EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open("newer:0", &raw), "fs_driver has a field");
@@ -80,7 +80,10 @@ static int run_with_modules(const char* program) {
                                                      {"driver_newer", "newer"}, {"driver_unloadable", "unloadable"}};
   for (const auto& [from, to] : copies) std::filesystem::copy_file(library(from), modules + "/" + to + ".so");
   std::ofstream(modules + "/text.so") << "this is no library\n";
+  // These can never be used, and are not listed.
   std::ofstream(modules + "/README") << "nor is this\n";
+  std::filesystem::copy_file(library("driver_good"), modules + "/No_Scheme.so");
+  std::filesystem::create_symlink(modules + "/gone", modules + "/dangling.so");
   setenv("LD_LIBRARY_PATH", folder.path.c_str(), 1);
   setenv("MODULE_FOLDER", std::filesystem::canonical(modules).c_str(), 1);
   const pid_t child = fork();
