@@ -18,7 +18,7 @@ FidelConnection* open_at(const char* address) {
   }
 #endif
   if (way == "udp") return fs::connect_fidel_udp(address).release();
-  fs::refuse(FS_ERROR_INVALID, "address is '%s', must be usb or udp:HOST:PORT", fs::cut(address).c_str());
+  fs::refuse(FS_ERROR_INVALID, "address is '%s', must be usb or udp:HOST:PORT", fs::shortened(address).c_str());
 }
 
 void list_all([[maybe_unused]] fs_device_entry* out, [[maybe_unused]] size_t capacity, size_t* count) {

@@ -35,8 +35,9 @@ HandPath read_path(const Address& address) {
 SimOptions parse_sim_options(const char* text) {
   const Address address(text, {"hand", "hand_mass", "hand_damping", "hand_stiffness", "hold", "path", "mass", "friction",
                                "encoder", "wrist", "delay_ms", "link", "link_ms", "link_hz", "seed"});
-  if (!address.place().empty())
-    refuse(FS_ERROR_INVALID, "sim: takes no address, is '%s'; options begin with '?'", cut(address.place()).c_str());
+  if (!address.place().empty()) {
+    refuse(FS_ERROR_INVALID, "sim: takes no address, is '%s'; options begin with '?'", shortened(address.place()).c_str());
+  }
   SimOptions options;
   double delay_ms = 0;
   if (const auto chosen = address.choice("hand", {"nominal", "firm", "light", "released", "worst"})) {

@@ -38,18 +38,18 @@ Address::Address(std::string_view text, std::initializer_list<const char*> known
     bool is_known = false;
     for (const char* name : known_keys) is_known = is_known || key == name;
     if (is_known) continue;
-    if (known_keys.size() == 0) refuse(FS_ERROR_INVALID, "option '%s' is unknown; there are no options", cut(key).c_str());
-    refuse(FS_ERROR_INVALID, "option '%s' is unknown; the options are %s", cut(key).c_str(), joined(known_keys).c_str());
+    if (known_keys.size() == 0) refuse(FS_ERROR_INVALID, "option '%s' is unknown; there are no options", shortened(key).c_str());
+    refuse(FS_ERROR_INVALID, "option '%s' is unknown; the options are %s", shortened(key).c_str(), joined(known_keys).c_str());
   }
 }
 
 void Address::add(std::string_view option) {
   const size_t equals = option.find('=');
   if (equals == std::string_view::npos || equals == 0) {
-    refuse(FS_ERROR_INVALID, "option '%s' must be key=value", cut(option).c_str());
+    refuse(FS_ERROR_INVALID, "option '%s' must be key=value", shortened(option).c_str());
   }
   const std::string key(option.substr(0, equals));
-  if (has(key)) refuse(FS_ERROR_INVALID, "option '%s' is given twice", cut(key).c_str());
+  if (has(key)) refuse(FS_ERROR_INVALID, "option '%s' is given twice", shortened(key).c_str());
   options_.emplace_back(key, option.substr(equals + 1));
 }
 
@@ -71,8 +71,8 @@ std::optional<double> Address::number(std::string_view key, double low, double h
   if (!value) return std::nullopt;
   const double number = number_of(*value);
   if (!(number >= low && number <= high)) {
-    refuse(FS_ERROR_INVALID, "%s is '%s', must be a number within %.9g..%.9g", std::string(key).c_str(), cut(*value).c_str(), low,
-           high);
+    refuse(FS_ERROR_INVALID, "%s is '%s', must be a number within %.9g..%.9g", std::string(key).c_str(),
+           shortened(*value).c_str(), low, high);
   }
   return number;
 }
@@ -83,8 +83,8 @@ std::optional<size_t> Address::whole(std::string_view key, size_t low, size_t hi
   size_t number = 0;
   const auto [end, error] = std::from_chars(value->data(), value->data() + value->size(), number);
   if (error != std::errc() || end != value->data() + value->size() || number < low || number > high) {
-    refuse(FS_ERROR_INVALID, "%s is '%s', must be a whole number within %zu..%zu", std::string(key).c_str(), cut(*value).c_str(),
-           low, high);
+    refuse(FS_ERROR_INVALID, "%s is '%s', must be a whole number within %zu..%zu", std::string(key).c_str(),
+           shortened(*value).c_str(), low, high);
   }
   return number;
 }
@@ -104,7 +104,7 @@ std::optional<std::array<double, 3>> Address::vector(std::string_view key, doubl
   for (const double part : parts) {
     if (!(part >= low && part <= high)) {
       refuse(FS_ERROR_INVALID, "%s is '%s', must be three numbers X,Y,Z, each within %.9g..%.9g", std::string(key).c_str(),
-             cut(*value).c_str(), low, high);
+             shortened(*value).c_str(), low, high);
     }
   }
   return parts;
@@ -118,7 +118,7 @@ std::optional<size_t> Address::choice(std::string_view key, std::initializer_lis
     if (*value == choice) return i;
     ++i;
   }
-  refuse(FS_ERROR_INVALID, "%s is '%s', must be one of %s", std::string(key).c_str(), cut(*value).c_str(),
+  refuse(FS_ERROR_INVALID, "%s is '%s', must be one of %s", std::string(key).c_str(), shortened(*value).c_str(),
          joined(choices).c_str());
 }
 

@@ -7,11 +7,11 @@
 #include <exception>
 #include <new>
 #include <string>
-#include <string_view>
 
 #include <forceserver/driver.h>
 
 #include "base/decimal_point.h"
+#include "base/shortened.h"  // of texts that a sentence quotes
 
 namespace fs {
 
@@ -19,14 +19,6 @@ struct Refusal {
   fs_status status;
   std::string text;  // a sentence with field, value and bound
 };
-
-// The beginning of a text from outside, so that the sentence that quotes it is whole.
-inline std::string cut(std::string_view text) {
-  size_t length = 80;
-  if (text.size() <= length) return std::string(text);
-  while (length > 0 && (text[length] & 0xc0) == 0x80) --length;  // within a character of UTF-8
-  return std::string(text.substr(0, length)) + "...";
-}
 
 // Throws a Refusal with a printf-formatted sentence, of at most 1000 bytes.
 [[noreturn, gnu::format(printf, 2, 3)]] inline void refuse(fs_status status, const char* format, ...) {

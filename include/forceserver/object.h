@@ -96,8 +96,7 @@ typedef enum fs_keep {
  * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then evaluated at the proxy; where
  * the proxy lies on the surface they act along the kept side's normal. Those of a plane are evaluated where the proxy would
  * be if only this plane held it, so that they give no energy on a closed path while other objects hold the proxy; those of a
- * mesh may then give some: up to 0.03 J a turn in random scenes. With keep NONE the other fields are checked and stored, but
- * have no effect. Frozen.
+ * mesh may then give some. With keep NONE the other fields are checked and stored, but have no effect. Frozen.
  *
  * - Objects of equal limit and equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring
  *   to it acts once, and the limit is that of their sum. Other objects have proxies of their own, and the forces add.
@@ -115,8 +114,8 @@ typedef enum fs_keep {
  * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
  *   moved, the rest of the change is spread over 20 ms (of state.time), as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
- *   objects that share a proxy, a tool of several points that are held to the limit may gain energy on its way round
- *   (in random scenes up to 0.3 J, at limits of 7 N); a tool of one point does not.
+ *   objects that share a proxy, a tool of several points that are held to the limit may gain energy on its way round; a
+ *   tool of one point does not.
  * - Near a tool 256 solid objects are felt, first of all those that hold the hand, and 2048 pairs of a solid object and a tool
  *   point; a solid plane is near everywhere. Objects that fade at different times can be told apart as long as the pairs,
  *   times the number of these objects plus one, are 4096 at most, and 7 objects at most; beyond that what they hold is

@@ -26,11 +26,6 @@ std::string formatted(const char* format, ...) {
   return out;
 }
 
-std::string shortened(std::string_view text) {
-  constexpr size_t longest = 80;
-  return std::string(beginning_of(text, longest)) + (text.size() > longest ? "..." : "");
-}
-
 std::string printable(std::string_view text) {
   constexpr size_t longest = 40;
   std::string out;

@@ -8,19 +8,14 @@
 #include <string>
 #include <string_view>
 
+#include "base/shortened.h"
+
 namespace fs {
 
 // The text of a field. A field from another process may lack its terminating 0; then the text is the whole field.
 template <size_t n>
 std::string text_of(const char (&field)[n]) {
   return std::string(field, strnlen(field, n));
-}
-
-// The beginning of a text, of at most so many bytes, that ends with a whole character of UTF-8.
-inline std::string_view beginning_of(std::string_view text, size_t most) {
-  if (text.size() <= most) return text;
-  while (most > 0 && (text[most] & 0xc0) == 0x80) --most;
-  return text.substr(0, most);
 }
 
 // Puts text into a field, cut if it is too long; the rest of the field is 0.
@@ -41,8 +36,6 @@ bool read_number(std::string_view text, Number& out) {
 [[gnu::format(printf, 1, 0)]] std::string formatted(const char* format, va_list arguments);
 [[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
 
-// A text that a caller gave, for an error sentence: a long one is cut after 80 bytes and ends with "...".
-std::string shortened(std::string_view text);
 // A piece of text for an error sentence: cut after 40 bytes; bytes that are not printable ASCII become \xNN.
 std::string printable(std::string_view text);
 std::string in_quotes(std::string_view text);

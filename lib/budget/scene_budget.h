@@ -16,7 +16,7 @@
 
 namespace fs {
 
-// The most that all objects of a scene which the hand may feel soon want together. It begins as what it is while nobody knows.
+// The most that all objects of a scene which the hand may feel soon want together. The first values: nobody knows yet.
 struct SceneWant {
   double stiffness = never;  // N/m of the loop; 0: there are none that want any
   bool has_damping = true;   // any of them has some

@@ -137,8 +137,8 @@ std::vector<std::string> module_schemes() {
   std::vector<std::string> found;
   std::error_code error;  // mostly: there is no such folder
   for (const auto& file : std::filesystem::directory_iterator(module_folder(), error)) {
-    if (file.path().extension() == extension && file.exists(error) && is_scheme(file.path().stem()))
-      found.push_back(file.path().stem());
+    const std::string scheme = file.path().stem();
+    if (file.path().extension() == extension && is_scheme(scheme) && file.exists(error)) found.push_back(scheme);
   }
   std::sort(found.begin(), found.end());
   return found;

@@ -31,7 +31,7 @@ START_TEST(a_driver_is_loaded) {
 END_TEST
 
 START_TEST(what_is_no_driver_is_refused) {
-  EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load("/no/such/driver.so"), "/no/such/driver.so: cannot open");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load("/no/such/driver.so"), "/no/such/driver.so' cannot be loaded: cannot open");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_driver_load(""), "empty");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load(library("driver_without_entry").c_str()), "fs_driver_entry");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load(library("driver_null").c_str()), "gives no driver");

@@ -121,6 +121,9 @@ if command -v umockdev-run > /dev/null && [[ $(ldd "$program") != *lib[at]san* ]
   printf '%s\n' "P: /devices/none" "E: SUBSYSTEM=mem" "" > bus.umockdev
   expect 0 '^usb: this machine or container has no USB: there is no /sys/bus/usb$' "${bus[@]}"
   expect 0 '"usb_trouble": "this machine or container has no USB: ' "${bus[@]}" --json
+  if grep -q '^driver falcon: /' <("$program" devices --why); then
+    expect 2 'no Novint Falcon .*; this machine or container has no USB$' umockdev-run -d bus.umockdev -- "$program" request falcon:0 status
+  fi
 fi
 
 # test-device: a page with verdicts; without force unless it is asked for.
