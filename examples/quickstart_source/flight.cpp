@@ -113,7 +113,8 @@ void Flight::print_table() const {
     std::printf("%-18s %10.1f %10.2f %10.2f %10.2f %10.2f %10.2f\n", name.c_str(), felt.seconds, felt.mean(felt.sum), felt.most,
                 felt.mean(felt.sideways), felt.mean(felt.forward), felt.mean(felt.up));
   }
-  std::printf("sideways, forward, up: the mean size of the force along the rover's axles, ahead of it and up from the ground, N\n");
+  std::printf(
+      "sideways, forward, up: the mean size of the force along the rover's axles, ahead of it and up from the ground, N\n");
   std::vector<double> late, compute;
   double step = 0;
   for (std::size_t i = 0; i < ticks_.size(); ++i) {

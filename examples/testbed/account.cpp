@@ -33,7 +33,8 @@ static void print_table(const std::map<std::string, Account>& accounts, const fs
                 a.mean(a.sideways), a.mean(a.forward), a.mean(a.up), Count(a.last.moves), Count(a.last.changes),
                 Count(a.last.refused));
   }
-  std::printf("sideways, forward, up: the mean size of the force along the rover's axles, ahead of it and up from the ground, N\n");
+  std::printf(
+      "sideways, forward, up: the mean size of the force along the rover's axles, ahead of it and up from the ground, N\n");
   std::printf("\nthe servo: %.0f Hz, %llu ticks, %llu missed; late p99 %.0f us, compute p99 %.0f us; faults: %s\n", servo.rate,
               (unsigned long long)servo.ticks, (unsigned long long)servo.misses, servo.late_p99 * 1e6, servo.compute_p99 * 1e6,
               servo.faults ? std::to_string(servo.faults).c_str() : "none");

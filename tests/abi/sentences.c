@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <forceserver/driver.h>
 #include <forceserver/forceserver.h>
 
 static void check(fs_status status)
