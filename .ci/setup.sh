@@ -97,6 +97,16 @@ build() {
   fi
 }
 
+# tell SIGNAL PROCESS...: sends the signal to programs that this shell has begun. A shell that has a trap loses a signal in the moment
+# before its child becomes the program, so this waits for that.
+tell() {
+  local process
+  for process in "${@:2}"; do
+    while [ "/proc/$process/exe" -ef "/proc/$$/exe" ]; do sleep 0.01; done
+    kill "-$1" "$process" 2> /dev/null || true
+  done
+}
+
 # has_package_index PACKAGE: whether pip can fetch this package of Python, in an environment of its own.
 has_package_index() {
   need_packages python3-venv
