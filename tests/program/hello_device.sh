@@ -50,6 +50,7 @@ person() {
         sleep 1
         exec >&- ;;
       silent:"Which way does it push?"*) ;;
+      truthful:"The push has ended after"*) echo p ;;  # a busy machine was late with the answer
       silent:"The push has ended"*) cat felt >> felt_after; echo n; echo s ;;
       [sh]*:"Which way does it push?"*) echo s ;;
       *:"Which way does it push?"*) await_push 1; sleep 0.3; echo "$way" ;;
