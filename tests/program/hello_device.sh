@@ -50,8 +50,8 @@ person() {
         sleep 1
         exec >&- ;;
       silent:"Which way does it push?"*) ;;
-      truthful:"The push has ended after"*) echo p ;;  # a busy machine was late with the answer
       silent:"The push has ended"*) cat felt >> felt_after; echo n; echo s ;;
+      *:"The push has ended after"*) echo p ;;  # a busy machine was late with the answer
       [sh]*:"Which way does it push?"*) echo s ;;
       *:"Which way does it push?"*) await_push 1; sleep 0.3; echo "$way" ;;
       *:"Touch the ball"*) hold b; await_push 5; [ "$1" = timid ] && echo t || echo Y ;;
