@@ -2,6 +2,7 @@
 #include "file/scene_reader.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -231,6 +232,9 @@ class SceneReader {
   Ref<const Shape> read_shape(Fields& fields) const {
     if (fields.find("file")) {
       const std::string name = fields.text("file");
+      if (name.size() >= PATH_MAX) {
+        fail_at(FS_ERROR_PARSE, fields.where(), "\"file\" is %zu bytes long, must be at most %d", name.size(), PATH_MAX - 1);
+      }
       if (!is_beside(name)) {
         fail_value(fields.need("file"), fields.where(), "file", "a relative path without \".\" and \"..\"");
       }

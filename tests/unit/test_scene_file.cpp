@@ -486,6 +486,8 @@ std::vector<Hostile> hostile_files() {
       {shape_text("{\"file\": \"a/../../x.ply\"}"), {"shape \"p\"", "relative"}},
       {shape_text("{\"file\": \"a/..\"}"), {"shape \"p\"", "relative"}},
       {shape_text("{\"file\": \"\"}"), {"shape \"p\"", "relative"}},
+      {shape_text("{\"file\": \"" + std::string(4096, 'a') + "\"}"),
+       {"shape \"p\"", "\"file\" is 4096 bytes long, must be at most 4095"}},
       {shape_text("{\"file\": \"a\\u0000.ply\"}"), {"shape \"p\"", "NUL"}},
       {shape_text("{\"file\": \"x.ply\", \"scale\": 0}"), {"shape \"p\"", "scale is 0"}},
       {shape_text("{\"file\": \"none/x.ply\"}"), {"shape \"p\"", "none/x.ply", "No such file"}, FS_ERROR_NOT_FOUND},
