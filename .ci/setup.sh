@@ -97,12 +97,15 @@ build() {
   fi
 }
 
-# tell SIGNAL PROCESS...: sends the signal to programs that this shell has begun. A shell that has a trap loses a signal in the moment
-# before its child becomes the program, so this waits for that.
+# tell SIGNAL PROCESS...: sends the signal to programs, but not scripts of bash, that this shell has begun. The child of a shell that has
+# traps ignores a signal until it has become the program, so this waits for that.
 tell() {
-  local process
+  local process i
   for process in "${@:2}"; do
-    while [ "/proc/$process/exe" -ef "/proc/$$/exe" ]; do sleep 0.01; done
+    for ((i = 0; i < 1000; ++i)); do
+      [ "/proc/$process/exe" -ef "/proc/$$/exe" ] || break
+      sleep 0.01 || true
+    done
     kill "-$1" "$process" 2> /dev/null || true
   done
 }

@@ -267,7 +267,8 @@ fs_status Touch::get_link(fs_link& out) noexcept { return meter_.tell(steady_now
 std::string Touch::control(const std::string& request) {
   if (request == "home") return home();
   if (request == "status") return status();
-  refuse(FS_ERROR_UNSUPPORTED, "a device of OpenHaptics has no request '%s'; its requests are: home, status", request.c_str());
+  refuse(FS_ERROR_UNSUPPORTED, "a device of OpenHaptics has no request '%s'; its requests are: home, status",
+         shortened(request).c_str());
 }
 
 // Which motion calibrates it: that of a person, as no such device moves by itself.

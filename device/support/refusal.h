@@ -11,7 +11,7 @@
 #include <forceserver/driver.h>
 
 #include "base/decimal_point.h"
-#include "base/shortened.h"  // of texts that a sentence quotes
+#include "base/shortened.h"  // for texts that a sentence quotes
 
 namespace fs {
 

@@ -153,8 +153,8 @@ const UsbFound& usb_choice(const UsbKind& kind, const std::vector<UsbFound>& fou
   size_t index = 0;
   const auto [end, error] = std::from_chars(which.data(), which.data() + which.size(), index);
   if (error != std::errc() || end != which.data() + which.size()) {
-    refuse(FS_ERROR_NOT_FOUND, "no %s has the serial number '%s'; on the USB are those with %s", kind.name, which.c_str(),
-           serials_of(found).c_str());
+    refuse(FS_ERROR_NOT_FOUND, "no %s has the serial number '%s'; on the USB are those with %s", kind.name,
+           shortened(which).c_str(), serials_of(found).c_str());
   }
   if (index >= found.size()) {
     refuse(FS_ERROR_NOT_FOUND, "there is no %s %zu; counted from 0, there %s %zu, with the serial number%s %s", kind.name, index,

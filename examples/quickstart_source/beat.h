@@ -15,7 +15,10 @@ class Beat {
  public:
   Beat() {
     sigemptyset(&signals_);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals_, signal);
+    for (const int signal : {SIGINT, SIGTERM}) sigaddset(&signals_, signal);
+    struct sigaction hang_up{};
+    sigaction(SIGHUP, nullptr, &hang_up);
+    if (hang_up.sa_handler != SIG_IGN) sigaddset(&signals_, SIGHUP);  // under nohup it stays ignored
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
   }
 

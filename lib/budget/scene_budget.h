@@ -79,7 +79,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   Basis seen_;
   Pace next_pace(bool at_once);
   double exact_at_ = -never;    // s, when bounds were last entered exactly
-  double rose_at_ = -never;      // s, when bounds last became more
+  double rose_at_ = -never;     // s, when bounds were last allowed to become more
   bool is_rising_ = false;      // more is due than has been entered
   double hand_time_ = never;    // s, of the last tick that was read
   Vec3 hand_{};                 // m, where the tool was then

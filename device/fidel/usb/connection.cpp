@@ -30,7 +30,7 @@ constexpr const char* known_requests = "the requests are: status, home, clear, c
 std::string which_of(const std::string& place) {
   if (place == "usb") return "0";
   if (place.rfind("usb:", 0) == 0 && place.size() > 4) return place.substr(4);
-  refuse(FS_ERROR_INVALID, "address is '%s', must be usb, usb:NUMBER or usb:SERIAL", place.c_str());
+  refuse(FS_ERROR_INVALID, "address is '%s', must be usb, usb:NUMBER or usb:SERIAL", shortened(place).c_str());
 }
 
 // Of the calibration. The option calibration: a file, or "none".
@@ -253,7 +253,7 @@ std::string UsbConnection::control(const std::string& request) {
   }
   if (request == "calibrate") return calibrate("");
   if (request.rfind("calibrate=", 0) == 0) return calibrate(request.substr(10));
-  refuse(FS_ERROR_UNSUPPORTED, "'%s' is no request of FIDEL; %s", request.c_str(), known_requests);
+  refuse(FS_ERROR_UNSUPPORTED, "'%s' is no request of FIDEL; %s", shortened(request).c_str(), known_requests);
 }
 
 // What the driver has found wrong, as the end of a sentence.
@@ -320,7 +320,7 @@ std::string UsbConnection::calibrate(const std::string& way) {
     is_calibrating_ = false;
     return "the calibration has ended; what was known before stays";
   }
-  if (!way.empty()) refuse(FS_ERROR_INVALID, "calibrate is '%s', must be cancel or nothing", way.c_str());
+  if (!way.empty()) refuse(FS_ERROR_INVALID, "calibrate is '%s', must be cancel or nothing", shortened(way).c_str());
   if (!is_homed_) refuse(FS_ERROR_STATE, "the FIDEL is not homed: ask for `home` first");
   if (step_ == idle) {
     if (file_.empty())

@@ -332,9 +332,9 @@ typedef struct fs_report {
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0.
-                                   Of solid objects that hold the hand, 64 at most are told with their proxies. Where
-                                   there are more, distance, point and wrench of the others are worked out without
-                                   proxies: those of objects that are not felt too, and all together give another sum */
+                                   Of solid objects that hold the hand, 64 at most are told with their proxies. Of
+                                   the others distance, point and wrench are worked out without proxies, even where
+                                   the object is not felt; then all wrenches do not add up to the force */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of
