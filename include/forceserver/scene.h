@@ -112,7 +112,9 @@ FS_API fs_status fs_scene_clear(fs_scene *scene);
  * 4 max_objects + 64 changes, where a clear counts as a removal of each object; beyond: FULL. A thread that ends must have
  * closed its group; otherwise the group stays in memory, without effect, until the scene goes. */
 
-/* Opens a group. STATE: this thread has one open already. */
+/* Opens a group. STATE: this thread has one open already. Connected: where others have changed or removed objects of this
+ * scene, it first asks the server what there is now, and waits for that 0.1 s at most. What they change after that, this
+ * thread's getters show when the group is closed. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others

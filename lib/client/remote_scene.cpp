@@ -204,8 +204,13 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
 // ------------------------------------------------------------------------------------------------------------- groups
 
 void RemoteScene::begin() {
-  const Call call = line_.enter();
-  pulls_.look();
+  Call call = line_.enter();
+  call.end = steady_now() + 0.1;
+  try {
+    pulls_.catch_up(call);
+  } catch (const Error& error) {
+    if (error.status != FS_ERROR_TIMEOUT) throw;  // the group begins with what is known
+  }
   replica_.catch_up_with_moves();
   auto group = std::make_unique<Group>(replica_);
   replica_.scene->begin();  // STATE

@@ -39,9 +39,10 @@ const fs_driver& driver_of(const char* uri) {
 }
 
 void check_info(const fs_device_info& info, const char* scheme) {
-  const auto check = [&](double value, double low, double high, const char* field) {
+  const auto check = [&](double value, double low, double high, const char* field, const char* or_else = "") {
     if (!(value >= low && value <= high)) {
-      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be within %.9g..%.9g", scheme, field, value, low, high);
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be %swithin %.9g..%.9g", scheme, field, value, or_else, low,
+           high);
     }
   };
   const auto check_text = [&](const char (&text)[64], const char* field) {
@@ -64,11 +65,11 @@ void check_info(const fs_device_info& info, const char* scheme) {
   check(info.delay, 0, 10, "delay");
   check(info.damping, 0, 1e6, "damping");
   check(info.mass, 0, 1e6, "mass");
-  check(info.link_rate, info.link_rate == 0 ? 0 : 1, 1e6, "link_rate");
-  check(info.controller_rate, info.controller_rate == 0 ? 0 : 100, 1e6, "controller_rate");
+  if (info.link_rate != 0) check(info.link_rate, 1, 1e6, "link_rate", "0 or ");
+  if (info.controller_rate != 0) check(info.controller_rate, 100, 1e6, "controller_rate", "0 or ");
   check(info.controller_delay, 0, 10, "controller_delay");
   check(info.controller_damping, 0, 1e6, "controller_damping");
-  if (info.watchdog != -1) check(info.watchdog, 0, 10, "watchdog");
+  if (info.watchdog != -1) check(info.watchdog, 0, 10, "watchdog", "-1 or ");
 }
 
 Vec3 limited(Vec3 v, uint32_t axes, double max) {

@@ -321,6 +321,30 @@ START_TEST(objects_of_the_server) {
 }
 END_TEST
 
+// A group begins with what others have changed before: its getters show that, and setting what they gave undoes nothing.
+START_TEST(edits_before_a_group) {
+  Two two;
+  fs_scene* const me = two.me.get();
+  for (int i = 1; i <= 50; ++i) {
+    for (const char* name : {"a", "b"}) set(two.me, push(name, 1));
+    OK(two.sync(me));
+    const fs_object edit = push("me/a", 1 + i);
+    OK(fs_object_change(two.bob.get(), &edit, FS_PART_PROFILES));
+    OK(fs_object_remove(two.bob.get(), "me/b"));
+    OK(fs_scene_begin(me));
+    {
+      Got a(me, "a");
+      ck_assert_double_eq(a->front.gain, 1 + i);
+      ck_assert(!has(me, "b"));
+      OK(fs_object_set(me, &a.object));
+    }
+    OK(fs_scene_commit(me));
+    OK(two.sync(me));
+    ck_assert_double_eq(Got(two.bob.get(), "me/a")->front.gain, 1 + i);
+  }
+}
+END_TEST
+
 START_TEST(edits_in_an_open_group) {  // the owner's group and the other client's changes both take effect
   Two two;
   for (const char* name : {"a", "b"}) set(two.me, push(name, 1));
@@ -1201,7 +1225,8 @@ int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
                               lost_scenes_and_the_force_limit, several_lost_scenes_and_the_force_limit});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, others_go_past_a_group,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_before_a_group, edits_in_an_open_group,
+                             groups_change_only_their_parts, others_go_past_a_group,
                              settings_belong_to_no_group, room_for_shapes, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others, curves_offered_no_longer});
   add_once(suite, "seen", {reports_of_all, clients});
