@@ -113,8 +113,9 @@ FS_API fs_status fs_scene_clear(fs_scene *scene);
  * closed its group; otherwise the group stays in memory, without effect, until the scene goes. */
 
 /* Opens a group. STATE: this thread has one open already. Connected: where others have changed or removed objects of this
- * scene, it first asks the server what there is now, and waits for that 0.1 s at most. What they change after that, this
- * thread's getters show when the group is closed. */
+ * scene, it first asks the server what there is now. It waits for that 0.1 s at most, and 1 s at most for each shape or
+ * curve that is new there; after that the group begins with what is known. What others change while it is open, this
+ * thread's getters show when it is closed. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others

@@ -52,7 +52,7 @@ person() {
       silent:"Which way does it push?"*) ;;
       silent:"The push has ended"*) cat felt >> felt_after; echo n; echo s ;;
       [sh]*:"Which way does it push?"*) echo s ;;
-      *:"Which way does it push?"*) 
+      *:"Which way does it push?"*)
         await_push 1
         sleep 0.3
         # Only of the deaf device is nothing felt; elsewhere a busy machine is late, so this asks for another push.
