@@ -907,7 +907,7 @@ END_TEST
 
 // At whatever place of whatever scene the hand is, the slopes of all that it feels there add up to no more than is rendered.
 START_TEST(slopes_add_up_to_no_more) {
-  const int count = is_sanitized ? 5 : times(20, 300);
+  const int count = is_sanitized ? 5 : times(20, 150);
   double most = 0;
   for (int seed = 0; seed < count; ++seed) {
     Random random(static_cast<uint64_t>(seed) + 1);

@@ -362,7 +362,7 @@ START_TEST(followers) {
   Scene clients[3];
   const char* const names[]{"a", "b", "c"};
   for (int i = 0; i < 3; ++i) clients[i] = rig.join(names[i]);
-  for (int round = 0; round < times(is_sanitized ? 6 : 12, 100); ++round) {
+  for (int round = 0; round < times(is_sanitized ? 3 : 12, 100); ++round) {
     std::atomic<bool> is_over{false};
     std::vector<std::thread> threads;
     const auto add = [&](fs_scene* scene, const Names& others) {
@@ -425,7 +425,7 @@ START_TEST(groups_of_the_servers) {  // are told as a whole, also where other cl
     for (int k = 1; !is_over; ++k) put(k);
   });
   uint64_t since = 0, told = 0;
-  for (int k = 0; k < 3000; ++k) {
+  for (int k = 0; k < (is_sanitized ? 600 : 3000); ++k) {
     const std::vector<fs_motion> list = motions_since(me.get(), nullptr, since);
     ck_assert(list.empty() || list.size() == 4);
     for (const fs_motion& m : list) ck_assert_double_eq(m.pose.position.x, list[0].pose.position.x);

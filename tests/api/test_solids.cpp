@@ -307,7 +307,7 @@ void play(Play::Kind kind) {
   for (const uint64_t seed : {81000, 207000, 296000, 380000, 156001, 246001, 144002, 156002}) {
     if (seed % 1000 == kind) play(seed);
   }
-  for (int i = 0; i < (is_sanitized ? 5 : times(25, 120)); ++i) play(1000 * static_cast<uint64_t>(i) + kind);
+  for (int i = 0; i < (is_sanitized ? 5 : times(12, 80)); ++i) play(1000 * static_cast<uint64_t>(i) + kind);
 }
 
 // A contact changes while its object fades in, at a small weight: the proxy is kept, and the force goes over in 20 ms from where

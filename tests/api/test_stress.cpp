@@ -189,7 +189,7 @@ START_TEST(six_threads) {
       for (Random random(i); !is_over; ++rounds[i]) works[i](stage, random);
     });
   }
-  std::this_thread::sleep_for(std::chrono::seconds(std::getenv("FORCESERVER_ALL_TESTS") ? 20 : 2));
+  std::this_thread::sleep_for(std::chrono::seconds(std::getenv("FORCESERVER_ALL_TESTS") ? 10 : 2));
   is_over = true;
   for (std::thread& thread : threads) thread.join();
   std::printf("  groups, views, fields, looks, servos, scenes:");

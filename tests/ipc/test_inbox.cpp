@@ -13,7 +13,7 @@ using namespace hostile;
 using namespace fs::wire;
 using fs::Descriptor;
 
-static uint64_t wanted_writes = static_cast<uint64_t>(scenes::is_sanitized ? 200'000 : scenes::times(5'000'000, 20'000'000));
+static uint64_t wanted_writes = static_cast<uint64_t>(scenes::is_sanitized ? 50'000 : scenes::times(2'000'000, 20'000'000));
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 static const double nan_value = std::nan("");
@@ -196,10 +196,10 @@ START_TEST(random_writes) {
     }
   });
   const uint64_t wanted = wanted_writes / (_i ? 4 : 1);
-  const int least = scenes::is_sanitized ? 4 : 20;  // four threads that only write leave little of two processors
+  const int least = scenes::is_sanitized ? 2 : 10;  // four threads that only write leave little of two processors
   int rounds = 0;
   while (writes < wanted || rounds < least || writer.moves(rig) == 0) {  // however late the server comes to take one
-    rig.tick(_i ? 1 : 50);
+    rig.tick(_i ? 1 : scenes::is_sanitized ? 10 : 50);
     rig.check_honest();
     ++rounds;
   }
