@@ -265,6 +265,7 @@ void Listener::reset() noexcept {
   const std::lock_guard lock(all.mutex);
   std::erase(all.numbers, socket_.get());
   if (folder_) unlinkat(folder_.get(), file_.c_str(), 0);
+  shutdown(socket_.get(), SHUT_RDWR);  // a process that was forked just now may not have closed it yet
   socket_.reset();
   folder_.reset();
 }

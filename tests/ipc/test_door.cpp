@@ -5,6 +5,7 @@
 #include <spawn.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -267,10 +268,11 @@ struct Child {
   pid_t process;
   Descriptor input;  // it lives as long as this
 
-  Child() {
+  // A clone is what a forked process is before it has come to run its handlers.
+  explicit Child(bool is_clone = false) {
     int pipes[2];
     ck_assert_int_eq(pipe2(pipes, O_CLOEXEC), 0);
-    process = fork();
+    process = is_clone ? static_cast<pid_t>(syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0)) : fork();
     if (process == 0) {
       close(pipes[1]);
       char byte;
@@ -300,6 +302,19 @@ START_TEST(server_that_forks) {
   ck_assert(good.is_soon_dropped());
   fs_server* again = nullptr;
   OK(fs_server_start(rig.servo(), rig.endpoint.c_str(), nullptr, &again));
+  fs_server_stop(again);
+}
+END_TEST
+
+START_TEST(server_that_is_cloned) {
+  Rig rig;
+  const RawClient good = rig.join("good");
+  const Child child(true);
+  rig.stop_server();
+  ck_assert(good.is_soon_dropped());
+  fs_server* again = nullptr;
+  OK(fs_server_start(rig.servo(), rig.endpoint.c_str(), nullptr, &again));
+  ck_assert(scenes::connect(rig.endpoint, "new") != nullptr);
   fs_server_stop(again);
 }
 END_TEST
@@ -532,7 +547,7 @@ int main(int count, char** arguments) {
   Suite* suite = suite_create("door");
   scenes::add_once(suite, "hello", {another_version_of_the_wire, hostile_sizes, no_hello, hello_with_descriptors, bad_names});
   scenes::add_once(suite, "names", {two_of_one_name, name_of_the_dead});
-  scenes::add_once(suite, "forks", {server_that_forks, forked_server_is_killed});
+  scenes::add_once(suite, "forks", {server_that_forks, server_that_is_cloned, forked_server_is_killed});
   scenes::add_once(suite, "too many", {max_clients, silent_stranger, crowd_at_the_door, coming_and_going});
   scenes::add_once(suite, "descriptors", {no_descriptors, no_descriptors_and_greedy});
   return scenes::run_suite(suite);
