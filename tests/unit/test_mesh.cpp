@@ -754,7 +754,7 @@ START_TEST(unions_take_no_end_of_steps) {
   };
   for (int i = 0; i < (scenes::is_sanitized ? 40 : 160); ++i) add("boxes about one place", box({1, 1, 1}), any_pose());
   for (int i = 0; i < (scenes::is_sanitized ? 3000 : 12000); ++i) add("rods side by side", box({1, 1e-5, 1e-5}), {{0, 1e-4 * i, 0}, {1, 0, 0, 0}});
-  for (const double size : {1.0, 1.01}) add("one spindle in another", spindle(size, 4000), {});
+  for (const double size : {1.0, 1.01}) add("one spindle in another", spindle(size, scenes::is_sanitized ? 1000 : 4000), {});
   for (const auto& [name, mesh] : meshes) {
     StopToken stop, of_union;
     auto edges = std::make_unique<MeshEdges>(mesh.triangles, mesh.points.size(), stop);
