@@ -97,8 +97,8 @@ build() {
   fi
 }
 
-# tell SIGNAL PROCESS...: sends the signal to programs, but not scripts of bash, that this shell has begun. The child of a shell that has
-# traps ignores a signal until it has become the program, so this waits for that.
+# tell SIGNAL PROCESS...: sends the signal to programs that this shell has begun, but not to scripts of bash. A child that is still a
+# copy of this shell would lose the signal, so this first waits until it has become its program: 10 s at most for each.
 tell() {
   local process i
   for process in "${@:2}"; do

@@ -22,7 +22,7 @@ with open(forces) as file:
     names = file.readline().strip().split(",")[4:]
     rows = np.loadtxt(file, delimiter=",", ndmin=2)
 if len(rows) < 2:
-    sys.exit("the flight was too short for one")
+    sys.exit("the flight was too short for a picture")
 time, x, y, newtons = rows[:, 0], rows[:, 1] / 1000, rows[:, 2] / 1000, rows[:, 4:]
 
 figure, (over, chart) = pyplot.subplots(1, 2, figsize=(14, 6), width_ratios=(1, 1.3))

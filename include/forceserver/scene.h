@@ -113,9 +113,9 @@ FS_API fs_status fs_scene_clear(fs_scene *scene);
  * closed its group; otherwise the group stays in memory, without effect, until the scene goes. */
 
 /* Opens a group. STATE: this thread has one open already. Connected: where others have changed or removed objects of this
- * scene, it first asks the server what there is now. It waits for that 0.1 s at most, and 1 s at most for each shape or
- * curve that is new there; after that the group begins with what is known. What others change while it is open, this
- * thread's getters show when it is closed. */
+ * scene, or the server has refused a change, it first asks the server for these. It waits 0.1 s at most, and 1 s more for
+ * each mesh or curve that it has to fetch; then the group begins with what is known, without an error. What others change
+ * in this scene's objects while the group is open, this thread's getters show when it is closed. VERSION. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others
@@ -335,9 +335,10 @@ typedef struct fs_report {
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0.
-                                   Of solid objects that hold the hand, 64 at most are told with their proxies. Of
-                                   the others distance, point and wrench are worked out without proxies, even where
-                                   the object is not felt; then all wrenches do not add up to the force */
+                                   The proxies of 64 solid objects that hold the hand are told at most. Where more
+                                   hold it, distance, point and wrench of these others are worked out without a
+                                   proxy, even where the object is not felt; then the sum of all wrenches is not the
+                                   force */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of

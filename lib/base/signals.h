@@ -27,6 +27,22 @@ class SignalsBlocked {
   sigset_t before_;
 };
 
+// Default floating-point arithmetic, as in the library's own threads, as long as this lives: a caller's thread may round differently,
+// or want a signal at a division by 0.
+class DefaultArithmetic {
+ public:
+  DefaultArithmetic() noexcept {
+    std::fegetenv(&before_);
+    std::fesetenv(FE_DFL_ENV);
+  }
+  ~DefaultArithmetic() { std::fesetenv(&before_); }
+  DefaultArithmetic(const DefaultArithmetic&) = delete;
+  DefaultArithmetic& operator=(const DefaultArithmetic&) = delete;
+
+ private:
+  std::fenv_t before_{};
+};
+
 // Called first in each thread. It restores default floating-point arithmetic: the thread that started this one may
 // round differently, flush subnormal numbers to 0 or trap overflows.
 inline void begin_thread(const char* name) noexcept {

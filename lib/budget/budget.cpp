@@ -49,6 +49,7 @@ static std::vector<SceneWant> wants_of(const Budget::Scenes& scenes) {
 }
 
 bool Budget::run_once() noexcept {
+  const DefaultArithmetic here;  // this may be the thread of a caller
   bool has_worked = false;
   try {
     const std::lock_guard lock(running_);

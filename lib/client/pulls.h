@@ -24,7 +24,7 @@ class Pulls {
   // Takes in the answers that have come, and asks for more; never waits.
   void look();
   // Waits until the replica has what the server had when the call began. Assets are fetched for the object of this name only;
-  // null: for all objects; "": for none.
+  // null: for all objects; "": for none. TIMEOUT: the call's end has come first; what has come until then stays.
   void catch_up(Call& call, const char* name = nullptr);
   // The same without fetching, for as long as the call may wait.
   void catch_up_in_time(Call& call);

@@ -203,9 +203,11 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
 
 // ------------------------------------------------------------------------------------------------------------- groups
 
+constexpr double begin_limit = 0.1;  // s that a group waits for news at its begin
+
 void RemoteScene::begin() {
   Call call = line_.enter();
-  call.end = steady_now() + 0.1;
+  call.end = steady_now() + begin_limit;
   try {
     pulls_.catch_up(call);
   } catch (const Error& error) {

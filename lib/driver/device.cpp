@@ -39,9 +39,10 @@ const fs_driver& driver_of(const char* uri) {
 }
 
 void check_info(const fs_device_info& info, const char* scheme) {
-  const auto check = [&](double value, double low, double high, const char* field, const char* or_else = "") {
+  // exception: a value outside of the bounds that is good, too, such as "0 or ".
+  const auto check = [&](double value, double low, double high, const char* field, const char* exception = "") {
     if (!(value >= low && value <= high)) {
-      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be %swithin %.9g..%.9g", scheme, field, value, or_else, low,
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be %swithin %.9g..%.9g", scheme, field, value, exception, low,
            high);
     }
   };

@@ -232,7 +232,7 @@ class SceneReader {
   Ref<const Shape> read_shape(Fields& fields) const {
     if (fields.find("file")) {
       const std::string name = fields.text("file");
-      if (name.size() >= PATH_MAX) {
+      if (name.size() >= PATH_MAX) {  // sentences quote the whole path, so it must have a bound: that of the system
         fail_at(FS_ERROR_PARSE, fields.where(), "\"file\" is %zu bytes long, must be at most %d", name.size(), PATH_MAX - 1);
       }
       if (!is_beside(name)) {

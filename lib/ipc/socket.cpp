@@ -215,19 +215,24 @@ bool Listener::listen_at(const sockaddr_un& place, socklen_t size) {
   return true;
 }
 
+bool Listener::listen_soon(const std::string& address, Descriptor& other) {
+  const Place place = abstract_place(address);
+  // Who cannot be asked may be about to begin or to end.
+  for (int tries = 0; tries < 30 && !other; ++tries) {
+    if (tries > 0) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (listen_at(place.address, place.size)) return true;
+    connect_to(place, other);
+  }
+  return false;
+}
+
 Listener Listener::for_this_user(const std::string& name) {
   Listener out;
   Descriptor other;
   std::vector<Descriptor> folders = open_own_folders();
   if (connect_in(folders, name, other)) fail_taken(name, own_server);
-  const Place place = abstract_place(user_address(geteuid(), name));
-  // Who cannot be asked may be about to begin or to end.
-  bool is_known = false;
-  for (int tries = 0; tries < 30 && !is_known; ++tries) {
-    if (tries > 0) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    if (out.listen_at(place.address, place.size)) return out;
-    is_known = connect_to(place, other) == 0;
-  }
+  if (out.listen_soon(user_address(geteuid(), name), other)) return out;
+  const bool is_known = bool(other);
   if (is_known && peer_of(other).user == geteuid()) fail_taken(name, own_server);
   if (folders.empty()) {
     fail_taken(name, (is_known ? "user " + name_of_user(peer_of(other).user) : "somebody who does not answer") +
@@ -251,12 +256,10 @@ Listener Listener::for_this_user(const std::string& name) {
 
 Listener Listener::for_all_users(const std::string& name) {
   Listener out;
-  const Place place = abstract_place(shared_address(name));
-  if (out.listen_at(place.address, place.size)) return out;
   Descriptor other;
-  const bool is_known = connect_to(place, other) == 0;
-  fail_taken(name, (is_known ? "user " + name_of_user(peer_of(other).user) : "another server") +
-                       " has that name already for all users");
+  if (out.listen_soon(shared_address(name), other)) return out;
+  fail_taken(name,
+             (other ? "user " + name_of_user(peer_of(other).user) : "another server") + " has that name already for all users");
 }
 
 void Listener::reset() noexcept {
@@ -265,7 +268,9 @@ void Listener::reset() noexcept {
   const std::lock_guard lock(all.mutex);
   std::erase(all.numbers, socket_.get());
   if (folder_) unlinkat(folder_.get(), file_.c_str(), 0);
-  shutdown(socket_.get(), SHUT_RDWR);  // a process that was forked just now may not have closed it yet
+  // A process that was forked just now may hold it open for a moment. Nobody can connect to it there any more, so a new server sees
+  // that the name is being given up.
+  shutdown(socket_.get(), SHUT_RDWR);
   socket_.reset();
   folder_.reset();
 }

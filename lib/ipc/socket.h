@@ -39,7 +39,7 @@ inline constexpr size_t most_message = 65536;  // bytes
 class Listener {
  public:
   Listener() = default;
-  static Listener for_this_user(const std::string& name);  // EXISTS, IO, FULL
+  static Listener for_this_user(const std::string& name);  // waits 0.3 s at most. EXISTS, IO, FULL
   static Listener for_all_users(const std::string& name);  // the same
   Listener(Listener&&) noexcept = default;
   Listener& operator=(Listener&&) = delete;
@@ -50,6 +50,8 @@ class Listener {
 
  private:
   bool listen_at(const sockaddr_un& place, socklen_t size);  // false: somebody has it. IO, FULL
+  // The same; waits 0.3 s at most for somebody who cannot be asked. other: who has it, where he can be asked.
+  bool listen_soon(const std::string& address, Descriptor& other);
 
   Descriptor socket_;
   Descriptor folder_;  // of the file at which it listens; none: the address is abstract

@@ -268,8 +268,9 @@ void print_line(const Scene& scene, double time, const std::string& listen, bool
                             stats.late_p99 * 1e6, length(sent.force), !listen.empty() ? " of its own objects" : "") +
                      felt(scene);
   if (line.ends_with(nothing) && length(sent.force) > 0.05) {
-    line += listen.empty() ? "; the servo damps the hand a little"
-                           : "; the rest is of clients, or the servo's damping: forceserver watch " + listen;
+    line += listen.empty()
+                ? "; the servo damps the hand a little"
+                : "; the force is that of clients' objects or of the servo's damping, see: forceserver watch " + listen;
   }
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {

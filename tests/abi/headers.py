@@ -37,7 +37,7 @@ for language in LANGUAGES:
         failed = True
         print(f"driver.h for SWIG as {language}:\n{errors}")
     # The test itself can fail: a struct with padding must not pass.
-    if compiles(language, "struct s { char a; double b; };\nstruct s forceserver_header_test;\n")[0]:
+    if compiles(language, "struct s { char a; double b; };\nint forceserver_header_test[sizeof(struct s)];\n")[0]:
         failed = True
         print(f"{language}: a struct with padding was not seen")
 sys.exit(failed)

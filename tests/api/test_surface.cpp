@@ -121,7 +121,7 @@ END_TEST
 START_TEST(the_period_of_stick_and_slip) {
   constexpr double still = 0.6, sliding = 0.3, depth = 0.002, k = 1000, normal = k * depth;
   for (const double k_hand : {40.0, 20.0, 10.0}) {
-    if (is_sanitized && k_hand < 40) break;  // the softer, the longer
+    if (is_sanitized && k_hand < 40) break;  // the softer the hand, the longer this takes
     const double mass = 0.3, damping = 0.01 * std::sqrt(k_hand * mass), fades = 2 * mass / damping;
     const double speed = 2 * (still - sliding) * normal / (k_hand * 8 * fades);  // so slowly that it is at rest before it slips
     Table table(sticky(still, sliding, 1e-4));

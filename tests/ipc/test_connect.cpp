@@ -381,8 +381,16 @@ START_TEST(who_does_not_wait) {
     none("move", FS_OK, [&] { return fs_object_move(me.get(), "a", &pose, nullptr, FS_NOW); });
     none("sync", FS_ERROR_TIMEOUT, [&] { return fs_scene_sync(me.get(), 0); });
     none("event", FS_OK, [&] { return fs_scene_next_event(me.get(), 0, &event); });
-    if (is_edited) OK(fs_scene_begin(me.get()));  // it asks what there is, in vain, and begins all the same
-    else none("begin", FS_OK, [&] { return fs_scene_begin(me.get()); });
+    if (is_edited) {  // it asks what there is, in vain, and begins all the same
+      const auto begin = std::chrono::steady_clock::now();
+      waits = 0;
+      OK(fs_scene_begin(me.get()));
+      ck_assert_int_gt(waits, 0);
+      const double waited = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      ck_assert_msg(waited >= 0.1 && waited < 0.9, "%s: it waited %g s, and must wait 0.1 s at most", when, waited);
+    } else {
+      none("begin", FS_OK, [&] { return fs_scene_begin(me.get()); });
+    }
     none("move in a group", FS_OK, [&] { return fs_object_move(me.get(), "a", &pose, nullptr, FS_NOW); });
     none("cancel", FS_OK, [&] { return fs_scene_cancel(me.get()); });
     none("hand", FS_OK, [&] { return fs_scene_get_hand(me.get(), nullptr, nullptr, nullptr); });

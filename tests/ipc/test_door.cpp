@@ -268,7 +268,7 @@ struct Child {
   pid_t process;
   Descriptor input;  // it lives as long as this
 
-  // A clone is what a forked process is before it has come to run its handlers.
+  // is_clone: without the handlers of pthread_atfork, as a forked process is at its very beginning.
   explicit Child(bool is_clone = false) {
     int pipes[2];
     ck_assert_int_eq(pipe2(pipes, O_CLOEXEC), 0);
@@ -306,6 +306,8 @@ START_TEST(server_that_forks) {
 }
 END_TEST
 
+// The same before the forked process has run the handler that closes the listener. As the name is still taken, the new server
+// listens at a file.
 START_TEST(server_that_is_cloned) {
   Rig rig;
   const RawClient good = rig.join("good");

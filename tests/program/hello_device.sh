@@ -55,7 +55,7 @@ person() {
       *:"Which way does it push?"*)
         await_push 1
         sleep 0.3
-        # Only of the deaf device is nothing felt; elsewhere a busy machine is late, so this asks for another push.
+        # Only the deaf device gives no push. Elsewhere the push is late because the machine is busy: p asks for another.
         [ "$way" != n ] || [ "${PWD##*/}" = deaf ] || way=p
         echo "$way" ;;
       *:"Touch the ball"*) hold b; await_push 5; [ "$1" = timid ] && echo t || echo Y ;;

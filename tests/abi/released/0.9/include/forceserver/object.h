@@ -322,9 +322,9 @@ FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
 /* ---- Curves: the function f(d, t) of a CUSTOM profile, N. A value below 0 or not finite counts as 0. A curve lives as
  * long as the caller's reference or an object needs it. */
 
-/* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). An entry that counts as 0 does so before
- * the curve is laid through the entries: between them f is a monotone cubic, which never overshoots (PCHIP: Fritsch &
- * Carlson 1980); beyond the last entry f keeps its value. It does not depend on t. */
+/* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). An entry below 0 or not finite is
+ * replaced by 0. Through the entries runs a monotone cubic, which never overshoots (PCHIP: Fritsch & Carlson 1980);
+ * beyond the last entry f keeps its value. It does not depend on t. */
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
 /* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start. It has the functions
