@@ -29,15 +29,15 @@ class Seqlock {
     sequence_.store(sequence + 2, std::memory_order_release);
   }
 
-  // [rt] False when nothing was ever written, or a write came in between.
-  bool read(T& value) const noexcept {
+  // [rt] 0 when nothing was ever written, or a write came in between; else the number of the write.
+  uint64_t read(T& value) const noexcept {
     uint64_t copy[words];
     const uint64_t before = sequence_.load(std::memory_order_acquire);
-    if (before == 0 || before & 1) return false;
+    if (before == 0 || before & 1) return 0;
     for (size_t i = 0; i < words; ++i) copy[i] = words_[i].load(std::memory_order_acquire);
-    if (sequence_.load(std::memory_order_relaxed) != before) return false;
+    if (sequence_.load(std::memory_order_relaxed) != before) return 0;
     std::memcpy(&value, copy, sizeof value);
-    return true;
+    return before;
   }
 
  private:

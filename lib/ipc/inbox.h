@@ -42,8 +42,8 @@ class InboxOf {
   // Odd: a group is being written. Where the number has changed since the slots were read, a group was written meanwhile: all of
   // them are to be read again.
   uint64_t batch() const noexcept { return head_->batch.load(std::memory_order_acquire); }
-  // False: the record is being written, or never was.
-  bool read(uint32_t slot, Record& record) const noexcept { return records_[slot].read(record); }
+  // 0: the record is being written, or never was; else the number of the write.
+  uint64_t read(uint32_t slot, Record& record) const noexcept { return records_[slot].read(record); }
 
  private:
   InboxHead* head_ = nullptr;

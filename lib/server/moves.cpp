@@ -7,6 +7,7 @@ namespace fs {
 void Moves::open(const Inbox& inbox, uint32_t slots) {
   inbox_ = inbox;
   dirty_.resize((slots + 63) / 64);
+  newest_.resize(slots);
 }
 
 Moves::Taken Moves::take(Names& names, LocalScene& scene) {
@@ -18,19 +19,23 @@ Moves::Taken Moves::take(Names& names, LocalScene& scene) {
     for (uint64_t bits = std::exchange(dirty_[word], 0); bits != 0; bits &= bits - 1) {
       const auto slot = static_cast<uint32_t>(64 * word) + static_cast<uint32_t>(__builtin_ctzll(bits));
       const Names::Named* const named = names.moved_by(slot);
-      wire::Move move;
+      Written written{slot, 0, {}};
       // A move that is not whole is being written, and will be marked again. One after a change that has not come yet is
       // marked by that change.
-      if (named && inbox_.read(slot, move) && move.after == named->second.after) taken_.emplace_back(slot, move);
+      if (!named) continue;
+      written.number = inbox_.read(slot, written.move);
+      if (written.number == 0 || written.number == newest_[slot] || written.move.after != named->second.after) continue;
+      taken_.push_back(written);
     }
   }
   if (inbox_.batch() != batch) {  // a group came meanwhile: it belongs together, so all is read once more
-    for (const auto& [slot, move] : taken_) mark(slot);
+    for (const Written& written : taken_) mark(written.slot);
     return {};
   }
   Taken out{true, taken_.size(), 0, 0};
   moves_.clear();
-  for (const auto& [slot, move] : taken_) {
+  for (const auto& [slot, number, move] : taken_) {
+    newest_[slot] = number;
     Motion motion;
     if (!from_record(move.motion, motion)) {
       ++out.refused;

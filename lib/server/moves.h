@@ -1,6 +1,6 @@
 // Takes the moves of a client from its inbox. The client writes the inbox at any time, so a move is copied, checked, and then
-// given to the scene. A move names the change after which it was written, and counts only if that change is the last one that
-// set the object's pose.
+// given to the scene: once, so that it does not undo what others change later. A move names the change after which it was
+// written, and counts only if that change is the last one that set the object's pose.
 #pragma once
 
 #include <utility>
@@ -31,7 +31,13 @@ class Moves {
  private:
   Inbox inbox_;
   std::vector<uint64_t> dirty_;  // a bit for each slot: there is a move to look at
-  std::vector<std::pair<uint32_t, wire::Move>> taken_;  // these two are kept for their memory
+  struct Written {
+    uint32_t slot;
+    uint64_t number;
+    wire::Move move;
+  };
+  std::vector<uint64_t> newest_;  // number of the write that was taken last from each slot: it is not taken once more
+  std::vector<Written> taken_;    // these two are kept for their memory
   std::vector<LocalScene::Move> moves_;
   Allowance allowance_{256};                            // moves each turn, about 40 us
 };

@@ -349,6 +349,36 @@ START_TEST(edits_before_a_group) {
 }
 END_TEST
 
+// A group that is refused leaves its objects where others have moved them since this client moved them.
+START_TEST(a_refused_group_moves_nothing) {
+  Two two;
+  fs_scene *const me = two.me.get(), *const bob = two.bob.get();
+  for (const bool is_removal : {true, false}) {
+    set(two.me, push("a", 1));
+    set(two.bob, push("b", 1));
+    OK(two.sync(bob));
+    const fs_pose mine = at(0.2, 0, 0), his = at(0.3, 0, 0);
+    OK(fs_object_move(me, "a", &mine, nullptr, FS_NOW));
+    OK(two.sync(me));
+    OK(fs_object_move(bob, "me/a", &his, nullptr, FS_NOW));
+    OK(two.sync(bob));
+    OK(fs_scene_begin(me));
+    const fs_object o = push("a", 5);
+    OK(is_removal ? fs_object_remove(me, "a") : fs_object_change(me, &o, FS_PART_PROFILES));
+    OK(fs_object_remove(me, "bob/b"));
+    OK(fs_object_remove(bob, "b"));
+    OK(two.sync(bob));
+    OK(fs_scene_commit(me));
+    ck_assert_int_eq(two.sync(me), FS_ERROR_NOT_FOUND);
+    for (const auto& [scene, name] : {std::pair{me, "a"}, std::pair{bob, "me/a"}}) {
+      const Got a(scene, name);
+      ck_assert_double_eq(a->pose.position.x, 0.3);
+      ck_assert_double_eq(a->front.gain, 1);
+    }
+  }
+}
+END_TEST
+
 START_TEST(edits_in_an_open_group) {  // the owner's group and the other client's changes both take effect
   Two two;
   for (const char* name : {"a", "b"}) set(two.me, push(name, 1));
@@ -1229,7 +1259,8 @@ int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
                               lost_scenes_and_the_force_limit, several_lost_scenes_and_the_force_limit});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_before_a_group, edits_in_an_open_group,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_before_a_group, a_refused_group_moves_nothing,
+                             edits_in_an_open_group,
                              groups_change_only_their_parts, others_go_past_a_group,
                              settings_belong_to_no_group, room_for_shapes, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others, curves_offered_no_longer});
