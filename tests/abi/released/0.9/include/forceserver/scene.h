@@ -41,7 +41,8 @@ FS_API fs_status fs_scene_create(fs_scene **out);
  * for it (server.h); the name is free again as soon as its process is dead. The client's objects live as long as its
  * process, even if it makes no calls. A server that is lost stays lost for this scene: its calls return DISCONNECTED,
  * as they do after this process ran out of memory in the middle of a change. After fork the scene belongs to the
- * parent. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. */
+ * parent. Where the process of a server or client becomes another program (exec), the other end sees that only when the
+ * processes that it has forked are gone, too. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 
 /* Gives the scene back; null does nothing. A servo or tool that uses it goes on; connected: its objects fade. */
@@ -389,7 +390,8 @@ FS_API fs_status fs_motion_at(const fs_motion *motion, double time, fs_pose *out
  * finds, as they are at one instant, so a group is in it as a whole or not at all. client: in a connected scene, the
  * client whose objects are listed ("server": the server's own scene); null: all objects, the scene's own first. The
  * scene's own objects are as this process has them: with the changes of the thread's group, and including those that the
- * server has not taken yet or has refused (see fs_report.state); their revisions are counted in this process. Other
+ * server has not taken yet or has refused (see fs_report.state); their revisions are counted in this process. A group in
+ * which another client changes them may be in the list in part, as this process takes them over one by one. Other
  * clients' objects are as the server has them, without the changes of groups that are open in this process or in the
  * server's own scene. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
 FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
