@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <pthread.h>
+#include <sched.h>
 #include <stdlib.h>
 #include <termios.h>
 #include <unistd.h>
@@ -150,6 +152,8 @@ std::vector<int> StandIn::current() const {
 
 void StandIn::run() {
   constexpr double period = 1e-3;  // s
+  const sched_param as_hardware{90};  // where this is allowed, it is as punctual as the hardware that it stands for
+  pthread_setschedparam(pthread_self(), SCHED_FIFO, &as_hardware);
   double before = now();
   for (double next = before; !ends_; next = std::fmax(next + period, now() - 0.005)) {
     std::this_thread::sleep_for(std::chrono::duration<double>(std::fmax(0, next - now())));
