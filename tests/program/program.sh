@@ -131,6 +131,7 @@ expect 2 '^forceserver: test-device needs a device, such as: forceserver test-de
 expect 2 "there is no driver 'nix'" "$program" test-device nix:0
 expect '[01]' '^passed  nothing is left behind' "$program" test-device sim: --seconds 0.5
 grep -q '^## A force' output && fail "test-device pushes without --push"
+grep -q '^passed .*the machine is busy' output && fail "test-device tells that the machine is busy where nothing is late"
 expect '[01]' '^passed  a force along z moves the handle along z$' "$program" test-device 'sim:?seed=3' --seconds 0.5 --push 2
 expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
 expect 1 '^FAILED  states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5

@@ -42,7 +42,8 @@ FS_API fs_status fs_scene_create(fs_scene **out);
  * process, even if it makes no calls. A server that is lost stays lost for this scene: its calls return DISCONNECTED,
  * as they do after this process ran out of memory in the middle of a change. After fork the scene belongs to the
  * parent. Where the process of a server or client becomes another program (exec), the other end sees that only when the
- * processes that it has forked are gone, too. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. */
+ * processes that it has forked are gone, too. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL,
+ * TIMEOUT, IO, UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 
 /* Gives the scene back; null does nothing. A servo or tool that uses it goes on; connected: its objects fade. */
