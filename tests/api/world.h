@@ -121,6 +121,11 @@ struct ServoRig {
     OK(sync(scene));
     for (int i = 0; i < 2; ++i) step_through_fade();
   }
+  // If the machine is too slow for the servo's thread, the guard stops the force for good, which is right but not what a
+  // test is about: the force goes on.
+  void resume_after_lateness() {
+    if (stats_of(base.get()).faults == FS_FAULT_LATE) OK(fs_servo_set_enabled(servo.get(), true));
+  }
   // The force that the device gets with the hand at rest at this place.
   fs_wrench wrench_at(const fs_pose& hand) {
     fake.state.pose = hand;
