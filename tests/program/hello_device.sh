@@ -74,7 +74,7 @@ touch_device() {
   printf m > hand
   printf n > felt
   mkfifo answers
-  bash -c 'echo $$ > process; exec timeout --foreground 60 "$@"' bash "$program" hello-device --driver "$driver" "$@" < answers 2>&1 |
+  bash -c 'echo $$ > process; exec timeout --foreground 240 "$@"' bash "$program" hello-device --driver "$driver" "$@" < answers 2>&1 |
     person "$character" > answers
   echo "${PIPESTATUS[0]}" > status
 }
@@ -96,7 +96,7 @@ hold_up() {
   printf n > felt
   mkfifo output
   exec 9<> output
-  (printf 's\ns\n'; yes x | head -n 4000) | timeout 60 "$program" hello-device --driver "$driver" hello:right > output 2>&1 9>&- &
+  (printf 's\ns\n'; yes x | head -n 4000) | timeout 240 "$program" hello-device --driver "$driver" hello:right > output 2>&1 9>&- &
   becomes rlatud && becomes n && touch ended
   exec 8< output 9>&-  # in this order: opened after all who write have ended, it would wait for ever
   cat <&8 > read
