@@ -33,7 +33,7 @@ Vec3 force_of(const Answer& answer, double side, Law law) {
   return (-side * law(side * answer.distance) / answer.distance) * answer.offset;
 }
 double side_of(const MeshTree& tree, Vec3 x) {
-  return tree.tell(x, tree.find({x, infinity})).side == Side::front ? 1 : -1;
+  return tree.tell(x, tree.find({x, infinity}), nullptr).side == Side::front ? 1 : -1;
 }
 
 // A grid of samples over the mesh's box and 30 mm around it, between which is interpolated. Only the samples that a way needs
@@ -279,7 +279,7 @@ void chart(const std::string& name, size_t triangles, double clock) {
 
   const auto closest_of = [&](Vec3 x) {
     const MeshTree::Found found = tree.find({x, infinity});
-    return tree.tell(x, found);
+    return tree.tell(x, found, nullptr);
   };
   for (const int side : {32, 64, 128, 256}) {
     const std::string size = std::to_string(side) + "^3";

@@ -161,7 +161,7 @@ std::vector<Vec3> walk(const Mesh& mesh, const MeshTree& tree, Way way, size_t t
     if (k % 1500 == 0) goal = mesh.points[mesh.corners[3 * random.below(mesh.count())]];
     const MeshTree::Found found = tree.find({x, std::numeric_limits<double>::infinity(), hint});
     hint = found.triangle;
-    const Closest closest = tree.tell(x, found);
+    const Closest closest = tree.tell(x, found, nullptr);
     const double sign = closest.side == Side::front ? 1 : -1;
     const Vec3 outwards = sign * closest.direction;
     const double wanted = middle_gap - sway * std::cos(2 * pi * rate * 0.001 * static_cast<double>(k));
