@@ -1,27 +1,7 @@
 #include "shape/mesh/mesh_tree.h"
 
-#include <sys/mman.h>
-
 namespace fs {
 namespace {
-
-// Asks the system to keep memory that is in use already in large pages, as far as it likes: a search that meets empty caches
-// then waits less for addresses.
-void use_large_pages(const void* memory, size_t bytes) {
-#ifdef MADV_COLLAPSE
-  constexpr int collapse = MADV_COLLAPSE;
-#else
-  constexpr int collapse = 25;  // Linux 6.1; an older one refuses it
-#endif
-  constexpr uintptr_t large = 1 << 21;
-  const uintptr_t at = reinterpret_cast<uintptr_t>(memory);
-  const uintptr_t begin = (at + large - 1) / large * large, end = (at + bytes) / large * large;
-  if (begin < end) madvise(reinterpret_cast<void*>(begin), end - begin, collapse);
-}
-template <class T>
-void use_large_pages(std::span<const T> items) {
-  use_large_pages(items.data(), items.size_bytes());
-}
 
 LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, StopToken& stop) {
   stop.begin_part(0.01, static_cast<double>(corners.size()));
@@ -64,10 +44,6 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
     packets_.emplace_back(tree_.items().data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
   }
   tree_.forget_items();
-  use_large_pages(points_);
-  use_large_pages(corners_);
-  use_large_pages(std::span<const Packet>(packets_));
-  tree_.for_each_array([](const void* memory, size_t bytes) { use_large_pages(memory, bytes); });
   StopToken rest = stop;  // nobody is shown how far that is
   rest.show(nullptr);
   if (std::unique_ptr<MeshUnion> whole = MeshUnion::of(*this, points, corners, parts, rest)) build_union(std::move(whole), rest);

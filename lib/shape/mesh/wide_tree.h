@@ -37,13 +37,6 @@ class WideTree {
   void forget_items();  // for a caller that has taken them over
   size_t size() const { return nodes_.size() * sizeof(WideNode) + discs_.size() * sizeof(WideDiscs); }  // bytes
 
-  // use(memory, bytes): of each array that is searched.
-  template <class Use>
-  void for_each_array(Use&& use) const {
-    use(nodes_.data(), nodes_.size() * sizeof(WideNode));
-    use(discs_.data(), discs_.size() * sizeof(WideDiscs));
-  }
-
   const WideNode* nodes() const noexcept { return nodes_.empty() ? nullptr : nodes_.data(); }  // null: there is one leaf
   const WideDiscs* discs() const noexcept { return discs_.empty() ? nullptr : discs_.data(); }  // of each node; null: none
 
