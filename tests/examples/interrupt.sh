@@ -59,7 +59,7 @@ chmod +x "$folder/tools/stand_in"
 for tool in cmake ninja ctest dpkg-query; do ln -s stand_in "$folder/tools/$tool"; done
 for script in tests/bindings/run_python tests/bindings/run_java tests/bindings/parity/run tests/examples/editor/run tests/style/run \
   bindings/description/make bindings/description/site/make tests/fuzz/run tests/examples/testbed/run tests/dds/run_vendors \
-  tests/packages/run tests/aarch64/run tests/soak/run; do
+  tests/packages/run tests/aarch64/run tests/bench/check tests/soak/run; do
   mkdir -p "$folder/$(dirname $script)"
   ln -s "$folder/tools/stand_in" "$folder/$script"
 done
