@@ -84,8 +84,7 @@ static void force_answers_its_state(uint32_t flags, const char* scheme) {
   }
   std::printf("  %s: %d of %d forces answer the newest state\n", scheme, good, all);
   ck_assert_int_gt(all, 500);
-  // The others: the machine was busy for a period. If forces answered older states, hardly any would be good.
-  ck_assert_int_ge(good, all / 2);
+  ck_assert_int_ge(good, all * (is_sanitized ? 5 : 8) / 10);  // the others: the machine was busy for a period
 }
 START_TEST(a_state_paces_the_servo) { force_answers_its_state(0, "paced"); }
 END_TEST
